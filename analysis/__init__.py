@@ -1,0 +1,1 @@
+"""Analysis: from raw counts to normals, depth and BRDF, offline."""

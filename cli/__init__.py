@@ -1,0 +1,1 @@
+"""The `halfangle` command: no logic of its own."""

@@ -1,0 +1,69 @@
+"""Entry point of `halfangle`: finds the command, imports only that one, maps errors to exit codes."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from typing import Any
+
+import click
+
+from drivers.errors import DeviceError
+from instrument.validation import InvalidInputError
+
+# name -> (module:command, help line). The help lines stand here so that `--help` imports no command.
+COMMANDS = {
+    "demo": ("cli.demo:demo", "Simulated rig to scored report, in one go."),
+    "plan": ("cli.capture:plan", "Dry run of a protocol: poses, frames, time, bytes."),
+    "capture": ("cli.capture:capture", "Capture a protocol on a rig into a session."),
+    "resume": ("cli.capture:resume", "Go on with an interrupted session."),
+    "session": ("cli.session:session", "Look at and verify session files."),
+    "import": ("cli.importing:import_pictures", "Bring in registered pictures from elsewhere."),
+    "calibrate": ("cli.reconstruction:calibrate", "Session to registered stack."),
+    "reconstruct": ("cli.reconstruction:reconstruct", "Session or stack to normals, depth and BRDF."),
+    "render": ("cli.reconstruction:render", "Predict the picture from any camera and light."),
+    "report": ("cli.reconstruction:report", "One HTML page of a result."),
+    "dictionary": ("cli.dictionary:dictionary", "The BRDF dictionaries that are built in."),
+    "console": ("cli.console:console", "The operator's window."),
+}
+
+EPILOG = "Example: halfangle demo -o out. Exit codes: 0 fine, 1 failed, 2 usage or bad input, 3 finished with warnings."
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported when they are called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names in the order of a capture's way."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import the command `cmd_name`."""
+        if cmd_name not in COMMANDS:
+            return None
+        module, attribute = COMMANDS[cmd_name][0].split(":")
+        command: click.Command = getattr(import_module(module), attribute)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands' help lines without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+
+
+@click.group(cls=LazyGroup, epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="halfangle")
+def halfangle() -> None:
+    """Capture the shape and reflectance of near-planar samples with one camera and one light beside its lens."""
+
+
+def main(arguments: list[str] | None = None) -> Any:
+    """Run `halfangle`; exit 2 on bad input, 1 on a failure that is understood, both without a traceback."""
+    try:
+        return halfangle(args=arguments, prog_name="halfangle")
+    except InvalidInputError as error:
+        click.echo(f"halfangle: {error}", err=True)
+        sys.exit(2)
+    except (DeviceError, OSError) as error:
+        click.echo(f"halfangle: {error}", err=True)
+        sys.exit(1)

@@ -1,0 +1,1 @@
+"""Drivers: one Protocol a device kind, one file a device family."""

@@ -1,0 +1,1 @@
+"""Simulated devices: twins that share one world and one clock."""

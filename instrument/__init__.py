@@ -1,0 +1,1 @@
+"""The instrument: rig, configuration, session files."""

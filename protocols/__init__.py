@@ -1,0 +1,1 @@
+"""Protocols: frozen plans and the engine that carries them out."""
