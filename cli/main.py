@@ -27,7 +27,10 @@ COMMANDS = {
     "console": ("cli.console:console", "The operator's window."),
 }
 
-EPILOG = "Example: halfangle demo -o out. Exit codes: 0 fine, 1 failed, 2 usage or bad input, 3 finished with warnings."
+EPILOG = (
+    "Example: halfangle demo -o out. "
+    "Exit codes: 0 fine, 1 failed, 2 usage or bad input, 3 finished with warnings."
+)
 
 
 class LazyGroup(click.Group):
@@ -54,7 +57,7 @@ class LazyGroup(click.Group):
 @click.group(cls=LazyGroup, epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="halfangle")
 def halfangle() -> None:
-    """Capture the shape and reflectance of near-planar samples with one camera and one light beside its lens."""
+    """Shape and reflectance of near-planar samples with one camera and one light beside its lens."""
 
 
 def main(arguments: list[str] | None = None) -> Any:
