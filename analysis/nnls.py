@@ -1,0 +1,210 @@
+"""Non-negative least squares for one small problem, in Gram form, with few active columns.
+
+Scalar numba code without Python objects. `scipy.optimize.nnls` solves the same problem and is what the
+tests compare with; it is a hundred times slower here, since it starts cold and keeps every column.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+MAX_ATOMS = 6
+"""Most atoms that one channel of one pixel may use; more never paid (docs/decisions/0004)."""
+
+
+@njit(cache=True, nogil=True)
+def _cholesky_solve(G, b, m, x, L):
+    """Solve G x = b for the leading m by m block; False if it is not positive definite."""
+    for i in range(m):
+        for j in range(i + 1):
+            total = G[i, j]
+            if i == j:
+                # Near-copies of an atom make the block singular to rounding; this keeps the pivots.
+                total *= 1.0 + 1e-10
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            if i == j:
+                if not total > 1e-12 * G[i, i]:
+                    return False
+                L[i, i] = math.sqrt(total)
+            else:
+                L[i, j] = total / L[j, j]
+    solve_factored(L, b, m, x)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def solve_factored(L, b, m, x):
+    """Solve L L^T x = b."""
+    for i in range(m):
+        total = b[i]
+        for k in range(i):
+            total -= L[i, k] * x[k]
+        x[i] = total / L[i, i]
+    for i in range(m - 1, -1, -1):
+        total = x[i]
+        for k in range(i + 1, m):
+            total -= L[k, i] * x[k]
+        x[i] = total / L[i, i]
+
+
+@njit(cache=True, nogil=True)
+def _gather(phi, w, y, k, slot, active, columns, G, b):
+    """Put atom k into `slot`: its column, its row of the Gram matrix, its right-hand side."""
+    n_views = phi.shape[0]
+    active[slot] = k
+    right = 0.0
+    for v in range(n_views):
+        columns[slot, v] = phi[v, k]
+        right += w[v] * y[v] * columns[slot, v]
+    b[slot] = right
+    for j in range(slot + 1):
+        total = 0.0
+        for v in range(n_views):
+            total += w[v] * columns[slot, v] * columns[j, v]
+        G[slot, j] = total
+        G[j, slot] = total
+
+
+@njit(cache=True, nogil=True)
+def _drop(slot, m, active, a, columns, G, b):
+    """Take the atom in `slot` out of the first m."""
+    for j in range(slot, m - 1):
+        active[j] = active[j + 1]
+        a[j] = a[j + 1]
+        b[j] = b[j + 1]
+        columns[j] = columns[j + 1]
+    for i in range(slot, m - 1):
+        G[i, :m] = G[i + 1, :m]
+    for j in range(slot, m - 1):
+        G[: m - 1, j] = G[: m - 1, j + 1]
+
+
+@njit(cache=True, nogil=True)
+def _solve_active(m, active, a, columns, G, b, L, x):
+    """Least squares on the active atoms, those that turn negative dropped [lawson1974, ch. 23]; returns m."""
+    while m > 0:
+        if not _cholesky_solve(G, b, m, x, L):
+            _drop(m - 1, m, active, a, columns, G, b)
+            m -= 1
+            continue
+        worst, step = -1, 1.0
+        for j in range(m):
+            if x[j] <= 0.0:
+                t = a[j] / (a[j] - x[j]) if a[j] > 0.0 else 0.0
+                if t < step:
+                    step, worst = t, j
+        if worst < 0:
+            for j in range(m):
+                a[j] = x[j]
+            return m
+        for j in range(m):
+            a[j] = max(a[j] + step * (x[j] - a[j]), 0.0)
+        _drop(worst, m, active, a, columns, G, b)
+        m -= 1
+    return 0
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _correlations(phi, w, r, g, d):
+    """g_k = sum_v w r phi_k and d_k = sum_v w phi_k^2 for all atoms."""
+    n_views, n_atoms = phi.shape
+    g[:] = 0.0
+    d[:] = 0.0
+    for v in range(n_views):
+        wv = np.float32(w[v])
+        wr = np.float32(w[v] * r[v])
+        for k in range(n_atoms):
+            p = phi[v, k]
+            g[k] += wr * p
+            d[k] += wv * p * p
+
+
+@njit(cache=True, nogil=True)
+def nnls(phi, w, y, tolerance, m, active, a, work):
+    """Weighted non-negative least squares with at most `MAX_ATOMS` atoms, each of which must pay.
+
+    Minimises sum_v w_v (y_v - sum_k a_k phi_vk)^2 over a >= 0 by the active-set method in Gram form
+    [lawson1974], adding the atom that lowers the sum most while that is more than `tolerance`.
+
+    Parameters
+    ----------
+    phi : ndarray of float32, shape (n_views, n_atoms)
+    w, y : ndarray, shape (n_views,)
+    tolerance : float
+        Smallest gain in the weighted sum of squares for which an atom is added.
+    m, active, a : int and ndarrays of shape (MAX_ATOMS,)
+        A warm start, updated in place: the number of active atoms, their indices and coefficients.
+    work : tuple of ndarray
+        Scratch, see `nnls_work`; on return work[0][:m] are the active columns, work[1] their Gram
+        matrix, work[3] its Cholesky factor, work[5] the residual.
+
+    Returns
+    -------
+    int
+        The number of active atoms.
+    """
+    columns, G, b, L, x, r, g, d = work
+    n_views, n_atoms = phi.shape
+    for slot in range(m):
+        _gather(phi, w, y, active[slot], slot, active, columns, G, b)
+    m = _solve_active(m, active, a, columns, G, b, L, x)
+    for _ in range(3 * MAX_ATOMS):
+        for v in range(n_views):
+            fit = 0.0
+            for j in range(m):
+                fit += a[j] * columns[j, v]
+            r[v] = y[v] - fit
+        if m == MAX_ATOMS:
+            break
+        _correlations(phi, w, r, g, d)
+        best, gain = -1, tolerance
+        for k in range(n_atoms):
+            if g[k] > 0.0 and d[k] > 1e-30 and g[k] * g[k] > gain * d[k]:
+                used = False
+                for j in range(m):
+                    used = used or active[j] == k
+                if not used:
+                    best, gain = k, g[k] * g[k] / d[k]
+        if best < 0:
+            break
+        a[m] = 0.0
+        _gather(phi, w, y, best, m, active, columns, G, b)
+        m_new = _solve_active(m + 1, active, a, columns, G, b, L, x)
+        stuck = m_new == m and (m == 0 or active[m - 1] != best)
+        kept = False
+        for j in range(m_new):
+            kept = kept or active[j] == best
+        m = m_new
+        if stuck and not kept:
+            # The new atom was thrown out at once: it is a copy, to rounding, of what is there.
+            _residual(columns, a, m, y, r)
+            break
+    return m
+
+
+@njit(cache=True, nogil=True)
+def _residual(columns, a, m, y, r):
+    for v in range(y.shape[0]):
+        fit = 0.0
+        for j in range(m):
+            fit += a[j] * columns[j, v]
+        r[v] = y[v] - fit
+
+
+@njit(cache=True, nogil=True)
+def nnls_work(n_views, n_atoms):
+    """Allocate the scratch arrays of `nnls`."""
+    return (
+        np.zeros((MAX_ATOMS, n_views)),
+        np.zeros((MAX_ATOMS, MAX_ATOMS)),
+        np.zeros(MAX_ATOMS),
+        np.zeros((MAX_ATOMS, MAX_ATOMS)),
+        np.zeros(MAX_ATOMS),
+        np.zeros(n_views),
+        np.zeros(n_atoms, np.float32),
+        np.zeros(n_atoms, np.float32),
+    )
