@@ -158,4 +158,6 @@ def by_name(name: str) -> Dictionary:
         return parametric()
     if name in {"sgd", "abc"}:
         return from_published(name)
-    raise ValueError(f"dictionary is {name!r}; built in are 'parametric', 'sgd' and 'abc'. Choose one of these.")
+    raise ValueError(
+        f"dictionary is {name!r}; built in are 'parametric', 'sgd' and 'abc'. Choose one of these."
+    )

@@ -1,0 +1,128 @@
+"""Where the light stands beside the lens, from the sample's own highlights.
+
+The offset s is one vector in the camera frame. A wrong s turns every half vector, differently in each
+pose since the sample turns under the rig, and no normal can make up for that: the residual over glossy
+pixels has its minimum at the true s. Only the two components across the optical axis are found; along
+it s merely scales the fall-off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from analysis.dictionary import Dictionary
+from analysis.fitting import Noise, PixelProblem, sample_pixels
+from analysis.stack import Stack
+
+Array = NDArray[np.float64]
+
+N_PIXELS = 1000
+_CURVATURE_STEP_MM = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class LightOffset:
+    """Offset of the light from the lens.
+
+    Attributes
+    ----------
+    value, sigma : ndarray, shape (3,)
+        Camera frame (x right, y down, z forward), mm; sigma is one standard deviation.
+    """
+
+    value: Array
+    sigma: Array
+
+
+def light_position(stack: Stack, offset: Array) -> Array:
+    """Return the light of every view in the sample frame, mm, shape (N, 3), for `offset` in the camera frame."""
+    if stack.camera_rotation is None:
+        raise ValueError("the stack has no camera_rotation, so an offset in the camera frame means nothing.")
+    return np.asarray(stack.camera_position + np.einsum("nij,i->nj", stack.camera_rotation, offset))
+
+
+def looking_at_centre(camera_position: Array) -> Array:
+    """Return rotations sample to camera of cameras that look at the origin, held level (x of the camera along x).
+
+    Parameters
+    ----------
+    camera_position : ndarray, shape (N, 3)
+
+    Returns
+    -------
+    ndarray, shape (N, 3, 3)
+    """
+    forward = -camera_position / np.linalg.norm(camera_position, axis=1, keepdims=True)
+    down = np.cross(forward, [1.0, 0.0, 0.0])
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    return np.stack([np.cross(down, forward), down, forward], axis=1)
+
+
+def estimate_light_offset(
+    stack: Stack, dictionary: Dictionary, noise: Noise, start: LightOffset, rng: np.random.Generator
+) -> LightOffset:
+    """Find the offset that leaves the smallest residual over the most glossy of a sample of pixels.
+
+    Minimises sum_p dof/2 log(chi^2_p) + the prior (s - s_0)^2 / (2 sigma_0^2): each pixel's noise level is
+    profiled out, so that a few bad pixels do not decide. Nelder-Mead on the two lateral components; the
+    sigma is that of the quadratic at the minimum.
+
+    Parameters
+    ----------
+    stack : Stack
+        With `camera_rotation`.
+    dictionary : Dictionary
+    noise : Noise
+    start : LightOffset
+        Prior mean and sigma; an infinite sigma is no prior.
+    rng : numpy.random.Generator
+        Draws the pixels.
+    """
+    first = PixelProblem(stack, dictionary, sample_pixels(stack, 4 * N_PIXELS, rng))
+    at_start = first.solve(noise, light_position=light_position(stack, start.value))
+    contrast = _highlight_contrast(first)
+    usable = np.isfinite(at_start.reduced_chi2) & np.isfinite(contrast)
+    chosen = np.flatnonzero(usable)[np.argsort(contrast[usable])[-N_PIXELS:]]
+    problem = PixelProblem(stack, dictionary, first.pixels[np.sort(chosen)])
+    degrees = max(stack.n_views * stack.radiance.shape[-1] - 8, 1)
+
+    def loss(lateral: Array) -> float:
+        offset = np.array([lateral[0], lateral[1], start.value[2]])
+        fits = problem.solve(noise, light_position=light_position(stack, offset))
+        prior = np.sum(((lateral - start.value[:2]) / start.sigma[:2]) ** 2) / 2.0
+        chi2 = np.maximum(fits.reduced_chi2[np.isfinite(fits.reduced_chi2)], 1e-9)
+        return float(0.5 * degrees * np.sum(np.log(chi2)) + prior)
+
+    reach = np.where(np.isfinite(start.sigma[:2]), np.minimum(start.sigma[:2], 4.0), 4.0)
+    simplex = start.value[:2] + np.array([[0.0, 0.0], [reach[0], 0.0], [0.0, reach[1]]])
+    found = minimize(
+        loss, start.value[:2], method="Nelder-Mead",
+        options={"initial_simplex": simplex, "xatol": 0.05, "fatol": 0.1, "maxfev": 60},
+    )  # fmt: skip
+    sigma = np.array([*_sigma_at(loss, found.x, found.fun), start.sigma[2]])
+    return LightOffset(np.array([*found.x, start.value[2]]), sigma)
+
+
+def _highlight_contrast(problem: PixelProblem) -> Array:
+    """Brightest over median view of each pixel: high where a highlight passes."""
+    brightness = problem.samples.radiance.mean(axis=2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        typical = np.nanmedian(brightness, axis=0)
+        return np.asarray(np.where(typical > 0.0, np.nanmax(brightness, axis=0) / typical, np.nan))
+
+
+def _sigma_at(loss: object, minimum: Array, value: float) -> Array:
+    """One standard deviation of each component from the curvature along it."""
+    assert callable(loss)
+    sigma = np.full(2, np.inf)
+    for i in range(2):
+        step = np.zeros(2)
+        step[i] = _CURVATURE_STEP_MM
+        rise = loss(minimum + step) + loss(minimum - step) - 2.0 * value
+        if rise > 0.0:
+            sigma[i] = _CURVATURE_STEP_MM / np.sqrt(rise)
+    return sigma
