@@ -1,0 +1,63 @@
+"""From a driver's name in the rig file to open devices; a driver is imported when it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from difflib import get_close_matches
+from importlib import import_module
+from typing import Any
+
+from drivers.camera import Camera
+from drivers.errors import DeviceError, DriverNotFoundError
+from drivers.light import Light
+from drivers.stage import Stage
+
+Devices = tuple[Camera, Light, Stage]
+
+KINDS = ("camera", "light", "stage")
+SIMULATED = "simulated"
+# kind -> names of its drivers
+KNOWN_DRIVERS: Mapping[str, tuple[str, ...]] = dict.fromkeys(KINDS, (SIMULATED,))
+
+
+def open_devices(rig: Mapping[str, Any]) -> Devices:
+    """Return the devices of a rig, not yet connected.
+
+    Parameters
+    ----------
+    rig : mapping
+        The parsed rig file; ``rig[kind]["driver"]`` names the driver of each kind.
+
+    Raises
+    ------
+    DriverNotFoundError
+        If a driver is unknown; names those that are known.
+    DeviceError
+        If simulated and real devices are mixed.
+    """
+    names = {kind: str(rig[kind]["driver"]) for kind in KINDS}
+    for kind, name in names.items():
+        _check_known(kind, name)
+    _check_one_world(names)
+    devices = import_module("drivers.simulated.devices")
+    _, camera, light, stage = devices.open_simulated(rig)
+    return camera, light, stage
+
+
+def _check_known(kind: str, name: str) -> None:
+    known = KNOWN_DRIVERS[kind]
+    if name not in known:
+        close = get_close_matches(name, known, n=1)
+        hint = f" Did you mean {close[0]!r}?" if close else ""
+        raise DriverNotFoundError(f"{kind}.driver is {name!r}; known drivers of a {kind}: {', '.join(known)}.{hint}")
+
+
+def _check_one_world(names: Mapping[str, str]) -> None:
+    """Refuse a mixed rig: a simulated camera sees no real light, and the other way round."""
+    simulated = [kind for kind, name in names.items() if name == SIMULATED]
+    if simulated and len(simulated) < len(names):
+        real = [f"{kind} = {name!r}" for kind, name in names.items() if name != SIMULATED]
+        raise DeviceError(
+            f"the rig mixes simulated ({', '.join(simulated)}) and real devices ({', '.join(real)}); "
+            "simulated devices share one scene without the real ones. Make all three simulated, or none."
+        )

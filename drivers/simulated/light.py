@@ -1,0 +1,80 @@
+"""The simulated light."""
+
+from __future__ import annotations
+
+import math
+
+from drivers.errors import DeviceError, DeviceLimitError
+from drivers.light import LightDescription, LightState
+from drivers.limits import Limits
+from drivers.simulated.world import World
+
+_LEVEL_LIMITS = Limits(0.0, 1.0, "of full level")
+
+
+class SimulatedLight:
+    """A light that shines on a simulated world.
+
+    Parameters
+    ----------
+    world : World
+        Shared with the camera and the stage.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._connected = False
+
+    def connect(self) -> None:
+        """Open the device, dark; safe to call twice."""
+        if not self._connected:
+            self._world.lamp.darken()
+        self._connected = True
+
+    def disconnect(self) -> None:
+        """Switch off and close; safe to call twice, and without `connect`."""
+        self._world.lamp.darken()
+        self._connected = False
+
+    def describe(self) -> LightDescription:
+        """Return what the light is."""
+        self._require_connection()
+        seed = self._world.bench.simulation.seed
+        return LightDescription("halfangle", "simulated light", f"sim-{seed}", _LEVEL_LIMITS)
+
+    def on(self, level: float, max_seconds: float) -> LightState:
+        """Shine at `level` for at most `max_seconds`, then go dark unless told again.
+
+        Raises
+        ------
+        DeviceLimitError
+            If `level` is outside the limits or `max_seconds` is not positive and finite.
+        """
+        self._require_connection()
+        _LEVEL_LIMITS.check("level", level, "Set light.level in the rig file within them.")
+        if not (max_seconds > 0.0 and math.isfinite(max_seconds)):
+            raise DeviceLimitError(
+                f"max_seconds is {max_seconds:g} s; allowed is more than 0 s, and finite. "
+                "Ask for as long as the frames of one pose take."
+            )
+        self._world.lamp.shine(level, max_seconds)
+        return self._state()
+
+    def off(self) -> LightState:
+        """Go dark and confirm it; safe to call at any time."""
+        self._world.lamp.darken()
+        return self._state()
+
+    def read(self) -> LightState:
+        """Return the state as the device reports it."""
+        self._require_connection()
+        return self._state()
+
+    def _require_connection(self) -> None:
+        if not self._connected:
+            raise DeviceError("the simulated light is not connected. Call connect() first.")
+
+    def _state(self) -> LightState:
+        lamp = self._world.lamp
+        # The photodiode sits in the lamp: it sees the drift, not how much leaves at this pose.
+        return LightState(lamp.level > 0.0, lamp.level, lamp.power, lamp.temperature)
