@@ -113,13 +113,45 @@ def _board_corners(
 ) -> tuple[Array, Array]:
     description = charuco_board(board)
     detector = cv2.aruco.CharucoDetector(description)
-    corners, ids, _, _ = detector.detectBoard(
-        image, markerCorners=marker_corners, markerIds=marker_ids.reshape(-1, 1)
-    )
+    corners, ids, _, _ = detector.detectBoard(image, markerCorners=marker_corners, markerIds=marker_ids.reshape(-1, 1))
     if ids is None or len(ids) == 0:
         return np.zeros((0, 3)), np.zeros((0, 2))
     points = np.asarray(description.getChessboardCorners(), np.float64)[np.asarray(ids).ravel()]
     return sample_from_board(board, points), np.asarray(corners, np.float64).reshape(-1, 2)
+
+
+def border_points(
+    boards: Sequence[Board], area_mm: tuple[float, float], spacing_mm: float, clearance_mm: float
+) -> Array:
+    """Return points between the boards, outside the area, at least `clearance_mm` from either.
+
+    The sheet that carries the boards is usually white there; whether it is, the pictures must tell.
+
+    Returns
+    -------
+    ndarray, shape (n_points, 3)
+        Sample frame, mm; none if the boards leave no room.
+    """
+    boxes = np.array([_extent(board) for board in boards])
+    x = np.arange(boxes[:, 0].min() + clearance_mm, boxes[:, 1].max() - clearance_mm, spacing_mm)
+    y = np.arange(boxes[:, 2].min() + clearance_mm, boxes[:, 3].max() - clearance_mm, spacing_mm)
+    xx, yy = (a.ravel() for a in np.meshgrid(x, y))
+    taken = (np.abs(xx) < area_mm[0] / 2 + clearance_mm) & (np.abs(yy) < area_mm[1] / 2 + clearance_mm)
+    for left, right, bottom, top in boxes:
+        taken |= (
+            (left - clearance_mm < xx)
+            & (xx < right + clearance_mm)
+            & (bottom - clearance_mm < yy)
+            & (yy < top + clearance_mm)
+        )
+    return np.stack([xx, yy, np.zeros_like(xx)], axis=1)[~taken]
+
+
+def _extent(board: Board) -> tuple[float, float, float, float]:
+    """Left, right, bottom, top of a board in the sample frame, mm."""
+    x, y = board.corner_mm
+    across, down = (n * board.square_mm for n in board.squares)
+    return x, x + across, y - down, y
 
 
 def white_points(board: Board, spacing_mm: float, clearance_mm: float) -> Array:
@@ -143,9 +175,7 @@ def white_points(board: Board, spacing_mm: float, clearance_mm: float) -> Array:
     white = np.pad((picture > 127).astype(np.uint8), 1)
     distance = cv2.distanceTransform(white, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1] / per_mm
     step = max(int(round(spacing_mm * per_mm)), 1)
-    rows, columns = np.meshgrid(
-        np.arange(step // 2, size[1], step), np.arange(step // 2, size[0], step), indexing="ij"
-    )
+    rows, columns = np.meshgrid(np.arange(step // 2, size[1], step), np.arange(step // 2, size[0], step), indexing="ij")
     keep = distance[rows, columns] >= clearance_mm
     points = (np.stack([columns[keep], rows[keep]], axis=1) + 0.5) / per_mm
     return sample_from_board(board, points)

@@ -101,9 +101,7 @@ def calibrate_camera(
     solution = _solve(corners, image_size, focal_length_px)
     lengths = np.concatenate([np.linalg.norm(r, axis=1) for r in solution.residuals])
     limit = OUTLIER * max(float(np.median(lengths)), 1e-3)
-    kept = [
-        c.select(np.linalg.norm(r, axis=1) <= limit) for c, r in zip(corners, solution.residuals, strict=True)
-    ]
+    kept = [c.select(np.linalg.norm(r, axis=1) <= limit) for c, r in zip(corners, solution.residuals, strict=True)]
     n_outliers = int(np.count_nonzero(lengths > limit))
     if n_outliers == 0 or not usable_views(kept).all():
         return solution

@@ -132,9 +132,7 @@ def parametric() -> Dictionary:
     width = float(np.deg2rad(ROLL_OFF_WIDTH_DEG))
     roll_offs = [Atom("roll_off", float(np.deg2rad(theta)), width) for theta in ROLL_OFFS_DEG]
     lobes = [
-        Atom("lobe", float(np.deg2rad(half_width)), gamma)
-        for half_width in HALF_WIDTHS_DEG
-        for gamma in TAIL_GAMMAS
+        Atom("lobe", float(np.deg2rad(half_width)), gamma) for half_width in HALF_WIDTHS_DEG for gamma in TAIL_GAMMAS
     ]
     return Dictionary("parametric", (*diffuse, *roll_offs, *lobes))
 
@@ -158,6 +156,4 @@ def by_name(name: str) -> Dictionary:
         return parametric()
     if name in {"sgd", "abc"}:
         return from_published(name)
-    raise ValueError(
-        f"dictionary is {name!r}; built in are 'parametric', 'sgd' and 'abc'. Choose one of these."
-    )
+    raise ValueError(f"dictionary is {name!r}; built in are 'parametric', 'sgd' and 'abc'. Choose one of these.")

@@ -52,6 +52,19 @@ class PixelFits:
     theta_h_range: Array
     dictionary: Dictionary
 
+    def select(self, pixels: NDArray[np.int64]) -> PixelFits:
+        """Return the fits of these pixels only."""
+        return PixelFits(
+            normals=self.normals[pixels],
+            covariance=self.covariance[pixels],
+            reduced_chi2=self.reduced_chi2[pixels],
+            atom=self.atom[pixels],
+            coefficient=self.coefficient[pixels],
+            flags=self.flags[pixels],
+            theta_h_range=self.theta_h_range[pixels],
+            dictionary=self.dictionary,
+        )
+
     @property
     def normal_sigma(self) -> Array:
         """Standard deviation per tangent axis, rad: root of half the trace of the covariance."""
@@ -65,9 +78,7 @@ class PixelFits:
             weight = np.sum(np.where(self.atom == k, self.coefficient, 0.0), axis=-1)
             users = np.flatnonzero(weight.any(axis=1))
             atom = self.dictionary.atoms[k]
-            part = Cosines(
-                cosines.n_dot_h[users], cosines.cos_d[users], cosines.n_dot_l[users], cosines.n_dot_v[users]
-            )
+            part = Cosines(cosines.n_dot_h[users], cosines.cos_d[users], cosines.n_dot_l[users], cosines.n_dot_v[users])
             curve = MODELS[atom.model](part, atom.a, atom.b)
             value[users] += curve[..., None] * weight[users].reshape(len(users), *(1,) * (len(shape) - 1), -1)
         return value
@@ -90,9 +101,7 @@ class PixelFits:
         n_dot_l = np.sum(self.normals * omega_i, axis=-1)
         n_dot_v = np.sum(self.normals * omega_o, axis=-1)
         with np.errstate(invalid="ignore"):
-            lit = np.where(
-                (n_dot_l > 0.0) & (n_dot_v > 0.0), n_dot_l, np.where(np.isnan(n_dot_l), np.nan, 0.0)
-            )
+            lit = np.where((n_dot_l > 0.0) & (n_dot_v > 0.0), n_dot_l, np.where(np.isnan(n_dot_l), np.nan, 0.0))
         f = self.brdf(Cosines.from_directions(self.normals, omega_i, omega_o))
         return np.asarray(light_power * f * (lit / d2)[:, None])
 
@@ -148,21 +157,15 @@ class PixelProblem:
         def flat(a: NDArray[np.float32] | None, default: float) -> NDArray[np.float32]:
             if a is None:
                 # One value seen from everywhere: no memory for what was not measured.
-                return np.broadcast_to(np.float32(default), (n, len(self.pixels), n_channels)).astype(
-                    np.float32
-                )
+                return np.broadcast_to(np.float32(default), (n, len(self.pixels), n_channels)).astype(np.float32)
             a = a.reshape(n, height * width, n_channels)
             return a if pixels is None else np.ascontiguousarray(a[:, pixels])
 
-        saturated = (
-            None if stack.saturated is None else stack.saturated.reshape(n, height * width, n_channels)
-        )
+        saturated = None if stack.saturated is None else stack.saturated.reshape(n, height * width, n_channels)
         self.samples = Samples(
             flat(stack.radiance, 0.0),
             flat(stack.variance, 0.0),
-            np.zeros((n, len(self.pixels), n_channels), np.uint8)
-            if saturated is None
-            else saturated[:, self.pixels],
+            np.zeros((n, len(self.pixels), n_channels), np.uint8) if saturated is None else saturated[:, self.pixels],
         )
 
     def solve(
@@ -214,9 +217,7 @@ class PixelProblem:
 
         def chunk(first: int) -> None:
             last = min(first + _CHUNK, n_pixels)
-            pixel_solver.solve_pixels(
-                self.samples, geometry, settings, table.value, table.derivative, first, last, out
-            )
+            pixel_solver.solve_pixels(self.samples, geometry, settings, table.value, table.derivative, first, last, out)
 
         with ThreadPoolExecutor(threads or n_threads()) as pool:
             list(pool.map(chunk, range(0, n_pixels, _CHUNK)))

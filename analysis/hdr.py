@@ -107,7 +107,7 @@ def merge_bracket(
 
 
 @njit(cache=True, nogil=True, parallel=True, fastmath=True)
-def _merge(counts, exposure_times, dark, trusted, inverse_gain, read_variance):  # type: ignore[no-untyped-def]
+def _merge(counts, exposure_times, dark, trusted, inverse_gain, read_variance):
     n_exposures, height, width = counts.shape
     mean = np.empty((height, width), np.float32)
     variance = np.empty((height, width), np.float32)

@@ -57,9 +57,7 @@ def slopes_from_normals(normals: Array) -> tuple[Array, Array, NDArray[np.bool_]
     return p, q, valid
 
 
-def integrate_slopes(
-    p: Array, q: Array, valid: NDArray[np.bool_], pitch: float, tolerance: float = 1e-6
-) -> Array:
+def integrate_slopes(p: Array, q: Array, valid: NDArray[np.bool_], pitch: float, tolerance: float = 1e-6) -> Array:
     """Integrate slopes dz/dx (`p`) and dz/dy (`q`), each of shape (height, width); mean 0 over `valid`."""
     if not valid.any():
         return np.full(p.shape, np.nan)
@@ -100,9 +98,7 @@ def _solve_poisson(right_side: Array, eigenvalues: Array) -> Array:
     return np.asarray(idctn(spectrum, norm="ortho"))
 
 
-def _solve_with_holes(
-    right_side: Array, w_x: Array, w_y: Array, eigenvalues: Array, tolerance: float
-) -> Array:
+def _solve_with_holes(right_side: Array, w_x: Array, w_y: Array, eigenvalues: Array, tolerance: float) -> Array:
     shape = right_side.shape
     # Pixels without a neighbour would make the matrix singular beyond the mean; a whisper of the identity
     # holds them at zero and moves the others by less than the tolerance.
@@ -110,9 +106,7 @@ def _solve_with_holes(
 
     def matrix(z: Array) -> Array:
         z = z.reshape(shape)
-        return (
-            _transposed_differences(w_x * np.diff(z, axis=1), w_y * np.diff(z, axis=0)) + whisper * z
-        ).ravel()
+        return (_transposed_differences(w_x * np.diff(z, axis=1), w_y * np.diff(z, axis=0)) + whisper * z).ravel()
 
     def preconditioner(r: Array) -> Array:
         return _solve_poisson(r.reshape(shape), eigenvalues).ravel() + r.mean()

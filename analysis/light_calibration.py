@@ -20,7 +20,7 @@ from analysis.stack import Stack
 
 Array = NDArray[np.float64]
 
-N_PIXELS = 1000
+N_PIXELS = 500
 _CURVATURE_STEP_MM = 0.5
 
 
@@ -86,13 +86,14 @@ def estimate_light_offset(
     at_start = first.solve(noise, light_position=light_position(stack, start.value))
     contrast = _highlight_contrast(first)
     usable = np.isfinite(at_start.reduced_chi2) & np.isfinite(contrast)
-    chosen = np.flatnonzero(usable)[np.argsort(contrast[usable])[-N_PIXELS:]]
-    problem = PixelProblem(stack, dictionary, first.pixels[np.sort(chosen)])
+    chosen = np.sort(np.flatnonzero(usable)[np.argsort(contrast[usable])[-N_PIXELS:]])
+    problem = PixelProblem(stack, dictionary, first.pixels[chosen])
+    normals = at_start.normals[chosen]
     degrees = max(stack.n_views * stack.radiance.shape[-1] - 8, 1)
 
     def loss(lateral: Array) -> float:
         offset = np.array([lateral[0], lateral[1], start.value[2]])
-        fits = problem.solve(noise, light_position=light_position(stack, offset))
+        fits = problem.solve(noise, start=normals, light_position=light_position(stack, offset))
         prior = np.sum(((lateral - start.value[:2]) / start.sigma[:2]) ** 2) / 2.0
         chi2 = np.maximum(fits.reduced_chi2[np.isfinite(fits.reduced_chi2)], 1e-9)
         return float(0.5 * degrees * np.sum(np.log(chi2)) + prior)
@@ -101,7 +102,7 @@ def estimate_light_offset(
     simplex = start.value[:2] + np.array([[0.0, 0.0], [reach[0], 0.0], [0.0, reach[1]]])
     found = minimize(
         loss, start.value[:2], method="Nelder-Mead",
-        options={"initial_simplex": simplex, "xatol": 0.05, "fatol": 0.1, "maxfev": 60},
+        options={"initial_simplex": simplex, "xatol": 0.02, "fatol": 0.1, "maxfev": 60},
     )  # fmt: skip
     sigma = np.array([*_sigma_at(loss, found.x, found.fun), start.sigma[2]])
     return LightOffset(np.array([*found.x, start.value[2]]), sigma)

@@ -56,11 +56,7 @@ def relative_rms(predicted: Array, measured: Array) -> float:
     """Return sqrt(sum (predicted - measured)^2 / sum measured^2) over the values that are finite in both."""
     common = np.isfinite(predicted) & np.isfinite(measured)
     power = float(np.sum(measured[common] ** 2))
-    return (
-        float(np.sqrt(np.sum((predicted[common] - measured[common]) ** 2) / power))
-        if power > 0
-        else float("nan")
-    )
+    return float(np.sqrt(np.sum((predicted[common] - measured[common]) ** 2) / power)) if power > 0 else float("nan")
 
 
 def psnr_db(predicted: Array, measured: Array, peak: float) -> float:

@@ -52,7 +52,7 @@ class Geometry(NamedTuple):
     light_position: NDArray[np.float64]  # [N, 3]
     light_power: NDArray[np.float64]  # [N]
     point: NDArray[np.float64]  # [P, 3]
-    start: NDArray[np.float64]  # [P, 3] normals to start from as well; NaN = none
+    start: NDArray[np.float64]  # [P, 3] normals to go on from; NaN = none
 
 
 class Settings(NamedTuple):
@@ -127,14 +127,20 @@ def solve_pixels(samples, geometry, settings, table, derivative, first, last, ou
             continue
         _weigh(px, settings, False, np.inf)
         best_cost = np.inf
-        for kind in range(4):
-            if not _start(kind, px, geometry.start[p], normal):
+        # A normal that was found before is gone on from; the cold starts are for when there is none.
+        warm = math.isfinite(geometry.start[p, 0])
+        for kind in range(3):
+            if warm:
+                normal[:] = geometry.start[p]
+            elif not _start(kind, px, normal):
                 continue
             cost, _ = _refine(px, settings, table, derivative, work, normal, H, _OUTLIER, _START_STEPS)
             if cost < best_cost:
                 best_cost = cost
                 best[:] = normal
                 _copy_fit(px, saved)
+            if warm:
+                break
         normal[:] = best
         _copy_fit(saved, px)
         converged = False
@@ -210,7 +216,7 @@ def _load(samples, geometry, settings, p, px):
 
 @njit(cache=True, nogil=True)
 def _usable(px):
-    """Flags that can be told before solving."""
+    """Return the flags that can be told before solving."""
     n_channels, n_views = px.y.shape
     seen, bright, clipped = 0, 0, 0
     for v in range(n_views):
@@ -293,19 +299,14 @@ def _cost(px, settings, kappa):
 
 
 @njit(cache=True, nogil=True)
-def _start(kind, px, given, normal):
-    """Write a normal to start from: trimmed Lambert, centroid of the highlight, flat, the one given."""
+def _start(kind, px, normal):
+    """Write a normal to start from: trimmed Lambert, centroid of the highlight, flat; False if there is none."""
     if kind == 0:
         return _start_trimmed(px, normal)
     if kind == 1:
         return _start_highlight(px, normal)
-    if kind == 2:
-        normal[:] = 0.0
-        normal[2] = 1.0
-        return True
-    if not math.isfinite(given[0]):
-        return False
-    normal[:] = given
+    normal[:] = 0.0
+    normal[2] = 1.0
     return True
 
 
@@ -450,7 +451,7 @@ def _tangents(normal, t1, t2):
 @njit(cache=True, nogil=True)
 def _normal_equations(px, settings, table, derivative, work, normal, t1, t2, H, gradient):
     """H = J^T W J and gradient J^T W r of the tangent parameters, J projected off the active atoms."""
-    columns, G, b, L, x = work[0], work[1], work[2], work[3], work[4]
+    columns, L = work[0], work[3]
     n_channels, n_views = px.y.shape
     H[:] = 0.0
     gradient[:] = 0.0
@@ -551,7 +552,7 @@ def _write_unsolved(p, flags, out):
 
 @njit(cache=True, nogil=True)
 def _write(p, flags, px, normal, H, out):
-    """Normal, covariance H^-1 (widened where the fit is worse than the noise) and coefficients."""
+    """Write normal, covariance H^-1 (widened where the fit is worse than the noise) and coefficients."""
     n_channels, n_views = px.y.shape
     _chi2_of_views(px)
     total, robust_total, n_samples, n_unknowns = 0.0, 0.0, 0, 2

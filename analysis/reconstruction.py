@@ -145,9 +145,7 @@ def reconstruct(stack: Stack, options: Options | None = None, stages: Stages | N
             depth = integrate_normals(_as_map(fits.normals, stack), stack.pixel_pitch)
             sigma = depth_sigma(fits.normal_sigma.reshape(depth.shape), stack.pixel_pitch, rng)
     else:
-        reason = (
-            "forced by option" if options.independent else "the stack says that its pixels are independent"
-        )
+        reason = "forced by option" if options.independent else "the stack says that its pixels are independent"
         choices.append(Choice("depth", "off", reason))
         sigma = depth.copy()
     return Reconstruction(fits, depth, sigma, fitted, noise, light_offset, tuple(choices))

@@ -76,9 +76,7 @@ class View:
         """Return where `points` (..., 3) of the sample frame, mm, fall in the picture: (..., 2) pixels."""
         rotation_vector = cv2.Rodrigues(self.rotation)[0]
         flat = np.ascontiguousarray(points.reshape(-1, 1, 3))
-        pixels, _ = cv2.projectPoints(
-            flat, rotation_vector, self.translation, self.camera_matrix, self.distortion
-        )
+        pixels, _ = cv2.projectPoints(flat, rotation_vector, self.translation, self.camera_matrix, self.distortion)
         return np.asarray(pixels, np.float64).reshape(*points.shape[:-1], 2)
 
 
@@ -133,15 +131,16 @@ def rectify(
     pixels = view.project(points)
     step = 0.5 * pitch
     # d(pixel) / d(grid pixel) along x and y: the footprint of a grid pixel in the picture.
-    along_x = view.project(points + [step, 0, 0]) - view.project(points - [step, 0, 0])
-    along_y = view.project(points + [0, step, 0]) - view.project(points - [0, step, 0])
+    right, up = np.array([step, 0.0, 0.0]), np.array([0.0, step, 0.0])
+    along_x = view.project(points + right) - view.project(points - right)
+    along_y = view.project(points + up) - view.project(points - up)
     cell = channel_of_cell(bayer_pattern)
     out = _gather(mean, variance, saturated, cell, int(cell.max()) + 1, pixels, along_x, along_y)
     return Rectified(*out, pixels)
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def _gather(mean, variance, saturated, cell, n_channels, pixels, along_x, along_y):  # type: ignore[no-untyped-def]
+def _gather(mean, variance, saturated, cell, n_channels, pixels, along_x, along_y):
     rows, columns = pixels.shape[:2]
     height, width = mean.shape
     radiance = np.full((rows, columns, n_channels), np.nan, np.float32)
@@ -192,7 +191,7 @@ def _gather(mean, variance, saturated, cell, n_channels, pixels, along_x, along_
 
 
 @njit(cache=True, nogil=True)
-def _first_row_of_inverse(m, out):  # type: ignore[no-untyped-def]
+def _first_row_of_inverse(m, out):
     """First row of the inverse of [[m0 m1 m2], [m1 m3 m4], [m2 m4 m5]]: the fitted plane's value at the centre."""
     c0 = m[3] * m[5] - m[4] * m[4]
     c1 = m[2] * m[4] - m[1] * m[5]

@@ -125,9 +125,7 @@ def write_stack(path: Path, stack: Stack) -> None:
         chunks = (1, *stack.radiance.shape[1:])
         data.create_dataset("view", data=np.arange(stack.n_views))
         radiance = data.create_dataset("radiance", data=stack.radiance, dtype="f4", chunks=chunks)
-        radiance.attrs.update(
-            {"interpretation": "rgba-image" if chunks[-1] == 3 else "image", "pixels": stack.pixels}
-        )
+        radiance.attrs.update({"interpretation": "rgba-image" if chunks[-1] == 3 else "image", "pixels": stack.pixels})
         for name, values in (("variance", stack.variance), ("saturated", stack.saturated)):
             if values is not None:
                 data.create_dataset(name, data=values, chunks=chunks)
@@ -201,16 +199,12 @@ def _check(file: Any) -> Iterator[Problem]:
         return
     shape = dataset.shape
     if len(shape) != 4 or shape[-1] not in (1, 3) or 0 in shape:
-        yield Problem(
-            _RADIANCE, f"has shape {shape}; must be (views, height, width, channels), channels 1 or 3"
-        )
+        yield Problem(_RADIANCE, f"has shape {shape}; must be (views, height, width, channels), channels 1 or 3")
         return
     if dataset.dtype.kind not in "fiu":
         yield Problem(_RADIANCE, f"has type {dataset.dtype}; must be numbers (float32)")
     if np.prod(shape, dtype=np.float64) * 4 > MAX_BYTES:
-        yield Problem(
-            _RADIANCE, f"has shape {shape}: more than {MAX_BYTES // 2**30} GiB; cut the area into parts"
-        )
+        yield Problem(_RADIANCE, f"has shape {shape}: more than {MAX_BYTES // 2**30} GiB; cut the area into parts")
     for name in ("variance", "saturated"):
         yield from _check_optional(file, f"/entry/stack/{name}", shape)
     n = shape[0]
@@ -219,9 +213,7 @@ def _check(file: Any) -> Iterator[Problem]:
         if found is None:
             yield Problem(f"{_GEOMETRY}/{name}", f"missing; must have shape {wanted}, in mm")
         elif found.shape != wanted and not (wanted == () and found.size == 1):
-            advice = (
-                "; pixels must be square: resample the stack to one pitch" if name == "pixel_pitch" else ""
-            )
+            advice = "; pixels must be square: resample the stack to one pitch" if name == "pixel_pitch" else ""
             yield Problem(f"{_GEOMETRY}/{name}", f"has shape {found.shape}; must be {wanted}{advice}")
     for name, wanted in (("light_power", (n,)), ("camera_rotation", (n, 3, 3)), ("light_offset", (3,))):
         yield from _check_optional(file, f"{_GEOMETRY}/{name}", wanted)
@@ -233,9 +225,7 @@ def _dataset(file: Any, path: str) -> Any:
     """Return the dataset at `path`, or None; never one that another file holds."""
     parent = file
     for name in path.strip("/").split("/"):
-        if not isinstance(parent, h5py.Group) or isinstance(
-            parent.get(name, getlink=True), h5py.ExternalLink
-        ):
+        if not isinstance(parent, h5py.Group) or isinstance(parent.get(name, getlink=True), h5py.ExternalLink):
             return None
         parent = parent.get(name)
     if not isinstance(parent, h5py.Dataset) or parent.is_virtual or parent.external:

@@ -1,0 +1,64 @@
+"""Groups of pixels of like reflectance, from their fitted curves."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.cluster.vq import kmeans2
+
+from analysis.fitting import PixelFits
+from analysis.reflectance import Cosines
+
+Array = NDArray[np.float64]
+
+MAX_GROUPS = 12
+WORTHWHILE = 0.7
+"""One group more is kept while it leaves less than this share of the spread of the curves within groups."""
+
+_N_ANGLES, _N_COMPONENTS, _N_FITTED, _SEED = 8, 6, 4000, 0
+
+
+def group_materials(fits: PixelFits) -> NDArray[np.int16]:
+    """Group pixels by the logarithm of their curves over the half angles that most of them saw.
+
+    k-means on principal components; the number of groups grows while each one more is worth it
+    (`WORTHWHILE`). Groups are numbered by size, the largest 0; unsolved pixels are -1. A description of
+    the scene, not a model of it: curves are not shared within a group.
+
+    Returns
+    -------
+    ndarray of int16, shape (P,)
+    """
+    solved = np.flatnonzero(np.isfinite(fits.normals[:, 0]))
+    group = np.full(len(fits.normals), -1, np.int16)
+    if len(solved) == 0:
+        return group
+    features = _features(fits, solved)
+    sample = np.random.default_rng(_SEED).choice(len(features), min(len(features), _N_FITTED), replace=False)
+    centres = features[sample].mean(axis=0, keepdims=True)
+    spread = _distance2(features[sample], centres).min(axis=1).mean()
+    for k in range(2, min(MAX_GROUPS, len(sample)) + 1):
+        more, _ = kmeans2(features[sample], k, minit="++", seed=_SEED, iter=30)
+        less_spread = _distance2(features[sample], more).min(axis=1).mean()
+        if not less_spread < WORTHWHILE * spread:
+            break
+        centres, spread = more, less_spread
+    nearest = _distance2(features, centres).argmin(axis=1)
+    order = np.argsort(-np.bincount(nearest, minlength=len(centres)), kind="stable")
+    group[solved] = np.argsort(order)[nearest]
+    return group
+
+
+def _features(fits: PixelFits, solved: NDArray[np.int64]) -> Array:
+    near, far = np.median(fits.theta_h_range[solved], axis=0)
+    angles = np.broadcast_to(np.linspace(near, far, _N_ANGLES), (len(solved), _N_ANGLES))
+    curves = fits.select(solved).brdf(Cosines.on_slice(angles)).reshape(len(solved), -1)
+    # The logarithm makes a dark and a bright paint of one kind as far apart as their ratio.
+    logs = np.log(np.maximum(curves, 1e-4 * np.median(curves) + 1e-12))
+    logs -= logs.mean(axis=0)
+    components = np.linalg.svd(logs[:: max(len(logs) // _N_FITTED, 1)], full_matrices=False)[2][:_N_COMPONENTS]
+    return np.asarray(logs @ components.T)
+
+
+def _distance2(features: Array, centres: Array) -> Array:
+    return np.asarray(np.sum((features[:, None, :] - centres[None]) ** 2, axis=-1))

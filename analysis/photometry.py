@@ -1,0 +1,169 @@
+"""Power of the light in each view and fall-off over the picture, from the white of the boards and their border.
+
+A white point at x, seen in view v at radius r of the picture, has the radiance
+
+    log I = log P_v + log rho_s + log(cos theta_i / d^2) + a r^2 + b r^4 + m log cos alpha
+            + c_1 (1 - cos theta_i) + c_2 (1 - cos theta_i)^2 ,
+
+with the power P_v, the sheet's whiteness rho_s, vignetting (a, b), the lobe cos^m about the light's
+axis, and how far the white is from Lambertian (c_1, c_2). All are linear in the logarithm, so one
+regularised least-squares fit finds them; the priors keep apart what the pictures cannot (a power that
+follows the tilt from a white that is not Lambertian).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.rectification import View
+
+Array = NDArray[np.float64]
+
+POWER_SIGMA = 0.03
+"""Prior of log P_v about their mean: LEDs and pipes hold their power within a few percent."""
+
+_LOBE_SIGMA, _WHITE_SIGMA, _SHEET_SIGMA = 3.0, 0.2, 0.05
+_ROUNDS = 5  # of reweighting; the weights have settled by then
+_HUBER = 2.5
+
+
+@dataclass(frozen=True, slots=True)
+class WhiteSamples:
+    """Radiances of white points of the boards.
+
+    Attributes
+    ----------
+    log_radiance : ndarray, shape (n_samples,)
+        Mean over the channels, each channel's white made 1.
+    view, sheet : ndarray of int, shape (n_samples,)
+        The view, and the piece of paper: points on one sheet are equally white.
+    point : ndarray, shape (n_samples, 3)
+        Sample frame, mm.
+    pixel : ndarray, shape (n_samples, 2)
+        Where it lies in the picture.
+    """
+
+    log_radiance: Array
+    view: NDArray[np.int64]
+    sheet: NDArray[np.int64]
+    point: Array
+    pixel: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Photometry:
+    """What the white says.
+
+    Attributes
+    ----------
+    light_power : ndarray, shape (n_views,)
+        Such that the boards' white has the BRDF 1 / pi.
+    vignetting : tuple of float
+        a, b per `radius` squared and to the fourth.
+    lobe_exponent : float
+        m.
+    principal_point, radius : (float, float), float
+        Centre of the vignetting and unit of r, pixels.
+    rms : float
+        Of the residuals of log I.
+    """
+
+    light_power: Array
+    vignetting: tuple[float, float]
+    lobe_exponent: float
+    principal_point: tuple[float, float]
+    radius: float
+    rms: float
+
+    def falloff(self, view: View, light_offset: Array, points: Array, pixels: Array) -> Array:
+        """Return vignetting times lobe at `points` (..., 3) that lie at `pixels` (..., 2) of the picture."""
+        r2 = self._r2(pixels)
+        a, b = self.vignetting
+        lobe = self.lobe_exponent * np.log(_cos_alpha(view, light_offset, points))
+        return np.asarray(np.exp(a * r2 + b * r2**2 + lobe))
+
+    def _r2(self, pixels: Array) -> Array:
+        return np.asarray(np.sum((pixels - self.principal_point) ** 2, axis=-1) / self.radius**2)
+
+
+def _cos_alpha(view: View, light_offset: Array, points: Array) -> Array:
+    """Cosine of the angle at the light between its axis, which is the camera's, and the way to each point."""
+    ray = points @ view.rotation.T + view.translation - light_offset
+    return np.asarray(ray[..., 2] / np.linalg.norm(ray, axis=-1))
+
+
+def fit_photometry(
+    samples: WhiteSamples, views: tuple[View, ...], light_offset: Array, image_size: tuple[int, int]
+) -> Photometry:
+    """Fit powers, vignetting and lobe to the white, robustly.
+
+    Parameters
+    ----------
+    samples : WhiteSamples
+    views : tuple of View
+    light_offset : ndarray, shape (3,)
+        Camera frame, mm.
+    image_size : (int, int)
+        Width, height.
+    """
+    n_views, n_sheets = len(views), int(samples.sheet.max()) + 1
+    matrix = views[0].camera_matrix
+    centre = (float(matrix[0, 2]), float(matrix[1, 2]))
+    radius = float(np.hypot(*image_size) / 2.0)
+    r2 = np.sum((samples.pixel - centre) ** 2, axis=1) / radius**2
+    cos_i, d2, log_lobe = (np.empty(len(r2)) for _ in range(3))
+    for v, view in enumerate(views):
+        of = samples.view == v
+        light = view.rotation.T @ (light_offset - view.translation)
+        to_light = light - samples.point[of]
+        d2[of] = np.sum(to_light**2, axis=1)
+        cos_i[of] = to_light[:, 2] / np.sqrt(d2[of])
+        log_lobe[of] = np.log(_cos_alpha(view, light_offset, samples.point[of]))
+    tilt = 1.0 - cos_i
+    A = np.concatenate(
+        [
+            np.ones((len(r2), 1)),
+            np.eye(n_views)[samples.view],
+            np.eye(n_sheets)[samples.sheet],
+            np.stack([r2, r2**2, log_lobe, tilt, tilt**2], axis=1),
+        ],
+        axis=1,
+    )
+    y = samples.log_radiance - np.log(cos_i / d2)
+    sigma = np.concatenate(
+        [
+            [np.inf],
+            np.full(n_views, POWER_SIGMA),
+            np.full(n_sheets, _SHEET_SIGMA),
+            [np.inf, np.inf, _LOBE_SIGMA, _WHITE_SIGMA, _WHITE_SIGMA],
+        ]
+    )
+    x, residual = _robust_ridge(A, y, sigma)
+    a, b, m = x[-5:-2]
+    return Photometry(
+        light_power=np.pi * np.exp(x[0] + x[1 : 1 + n_views]),
+        vignetting=(float(a), float(b)),
+        lobe_exponent=float(m),
+        principal_point=centre,
+        radius=radius,
+        rms=float(np.sqrt(np.mean(residual**2))),
+    )
+
+
+def _robust_ridge(A: Array, y: Array, sigma: Array) -> tuple[Array, Array]:
+    """Least squares with Huber's weights [huber1964] and Gaussian priors of mean 0; returns x and y - A x."""
+    prior = 1.0 / sigma**2
+    weight = np.ones(len(y))
+    noise = 0.01
+    x = np.zeros(A.shape[1])
+    residual = y
+    for _ in range(_ROUNDS):
+        normal = A.T @ (A * weight[:, None]) / noise**2 + np.diag(prior)
+        x = np.linalg.solve(normal + 1e-9 * np.eye(len(x)), A.T @ (weight * y) / noise**2)
+        residual = y - A @ x
+        noise = max(1.4826 * float(np.median(np.abs(residual))), 1e-6)
+        weight = 1.0 / np.maximum(np.abs(residual) / (_HUBER * noise), 1.0)
+    return x, residual

@@ -1,0 +1,268 @@
+"""The result file (`*.result.h5`): maps, the BRDF in a basis that describes itself, choices and provenance."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis import pixel_solver
+from analysis.dictionary import MODELS, Atom, Dictionary
+from analysis.fitting import PixelFits
+from analysis.materials import group_materials
+from analysis.reconstruction import Reconstruction
+from analysis.rectification import Grid
+from analysis.reflectance import Cosines
+from analysis.stages import Stage
+from instrument.validation import InvalidInputError, Problem, raise_if_any
+
+Array = NDArray[np.float64]
+
+SCHEMA = "1.0"
+
+MODEL_NAMES = ("unsolved", "lambert", "diffuse", "one lobe", "mixture")
+FLAG_NAMES = {
+    pixel_solver.TOO_FEW_VIEWS: "too few views",
+    pixel_solver.BLACK: "too dark to tell a normal",
+    pixel_solver.CLIPPED: "clipped in some view",
+    pixel_solver.NOT_CONVERGED: "not converged",
+    pixel_solver.POOR_FIT: "poor fit",
+}
+DIFFUSE_REFERENCE_DEG = 45.0
+"""Half angle at which the curve stands for the diffuse albedo: beyond most lobes, short of the grazing atoms."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """A result file's content.
+
+    Attributes
+    ----------
+    fits : PixelFits
+        Of the H * W pixels in reading order.
+    grid : Grid
+    depth, depth_sigma : ndarray, shape (H, W)
+        Millimetres; NaN where unknown.
+    truth_error : ndarray, shape (H, W), or None
+        Angular error in degrees where the stack held a truth.
+    choices, stages : list of dict
+    summary : dict
+        Figures: noise level, scores, errors on views left out, calibration.
+    """
+
+    fits: PixelFits
+    grid: Grid
+    depth: Array
+    depth_sigma: Array
+    truth_error: Array | None
+    choices: list[dict[str, str]]
+    stages: list[dict[str, float | str]]
+    summary: dict[str, Any]
+
+    def as_map(self, values: Array) -> Array:
+        """Give per-pixel values the shape of the area."""
+        return values.reshape(self.grid.height, self.grid.width, *values.shape[1:])
+
+    @property
+    def normals(self) -> Array:
+        """Unit normals, shape (H, W, 3)."""
+        return self.as_map(self.fits.normals)
+
+    def render(self, camera: Array, light: Array, light_power: float = 1.0) -> Array:
+        """Predict the radiance of the area on its own grid, shape (H, W, C), in the stack's units.
+
+        Parameters
+        ----------
+        camera, light : ndarray, shape (3,)
+            Sample frame, mm.
+        light_power : float
+            As the stack's.
+        """
+        points = self.grid.points(np.nan_to_num(self.depth)).reshape(-1, 3)
+        return self.as_map(self.fits.radiance(points, camera, light, light_power))
+
+
+def diffuse_albedo(fits: PixelFits) -> Array:
+    """Return pi times the curve at `DIFFUSE_REFERENCE_DEG`, shape (P, C): the albedo of a Lambertian alike there."""
+    angle = np.full(len(fits.normals), np.deg2rad(DIFFUSE_REFERENCE_DEG))
+    albedo = np.pi * fits.brdf(Cosines.on_slice(angle))
+    albedo[~np.isfinite(fits.normals[:, 0])] = np.nan
+    return albedo
+
+
+def model_used(fits: PixelFits) -> NDArray[np.uint8]:
+    """Return which model each pixel came to, an index into `MODEL_NAMES`, shape (P,)."""
+    kind = np.array([{"lambert": 1, "lobe": 3}.get(atom.model, 2) for atom in fits.dictionary.atoms])
+    kinds = np.where(fits.atom >= 0, kind[np.maximum(fits.atom, 0)], 0)
+    n_lobes = _count_distinct(np.where(kinds == 3, fits.atom, -1))
+    model = np.where(n_lobes > 1, 4, np.where(n_lobes == 1, 3, np.where((kinds == 2).any(axis=(1, 2)), 2, 1)))
+    return np.where(np.isfinite(fits.normals[:, 0]), model, 0).astype(np.uint8)
+
+
+def _count_distinct(atoms: NDArray[np.int16]) -> NDArray[np.int64]:
+    """Count the distinct non-negative values in each row."""
+    ordered = np.sort(atoms.reshape(len(atoms), -1), axis=1)
+    new = np.diff(ordered, axis=1, prepend=-1) != 0
+    return np.asarray(np.sum(new & (ordered >= 0), axis=1))
+
+
+def result_of(
+    reconstruction: Reconstruction, stages: Iterable[Stage], summary: dict[str, Any], truth_error: Array | None
+) -> Result:
+    """Gather a reconstruction and what is known about it."""
+    return Result(
+        fits=reconstruction.fits,
+        grid=reconstruction.stack.grid,
+        depth=reconstruction.depth,
+        depth_sigma=reconstruction.depth_sigma,
+        truth_error=truth_error,
+        choices=[choice.as_dict() for choice in reconstruction.choices],
+        stages=[{"name": s.name, "seconds": s.seconds, "peak_mb": s.peak_mb} for s in stages],
+        summary=summary,
+    )
+
+
+def write_result(path: Path, result: Result) -> None:
+    """Write a new result file.
+
+    Raises
+    ------
+    FileExistsError
+        If there is a file already.
+    """
+    with h5py.File(path, "x") as file:
+        file.attrs.update({"NX_class": "NXroot", "default": "entry", "creator": "halfangle"})
+        entry = file.create_group("entry")
+        entry.attrs.update({"NX_class": "NXentry", "default": "result", "halfangle_schema": SCHEMA})
+        entry.create_dataset("program_version", data=version("halfangle"))
+        for name, value in (("choices", result.choices), ("stages", result.stages), ("summary", result.summary)):
+            entry.create_dataset(name, data=json.dumps(value))
+        group = entry.create_group("result")
+        group.attrs.update({"NX_class": "NXdata", "signal": "depth"})
+        _write_maps(group, result)
+        _write_brdf(entry.create_group("brdf"), result)
+
+
+def _write_maps(group: Any, result: Result) -> None:
+    fits = result.fits
+    maps: list[tuple[str, Any, str, str]] = [
+        ("normals", fits.normals.astype(np.float32), "", "unit vectors, sample frame"),
+        ("normal_sigma_deg", np.rad2deg(fits.normal_sigma).astype(np.float32), "deg", "per tangent axis, one sigma"),
+        ("normal_covariance", fits.covariance.astype(np.float32), "rad^2", "xx, xy, yy of the tangent parameters"),
+        ("model", model_used(fits), "", ""),
+        ("flags", fits.flags, "", ""),
+        ("reduced_chi2", fits.reduced_chi2.astype(np.float32), "", ""),
+        ("theta_h_range", fits.theta_h_range.astype(np.float32), "rad", "smallest and largest half angle seen"),
+        ("diffuse_albedo", diffuse_albedo(fits).astype(np.float32), "", f"pi f at {DIFFUSE_REFERENCE_DEG:g} deg"),
+        ("material", group_materials(fits), "", "groups of like curves, largest first; -1 = unsolved"),
+    ]
+    for name, values, units, meaning in maps:
+        _write_map(group, name, result.as_map(values), units, meaning)
+    _write_map(group, "depth", result.depth.astype(np.float32), "mm", "mean 0, out of the sample")
+    _write_map(group, "depth_sigma", result.depth_sigma.astype(np.float32), "mm", "one sigma")
+    if result.truth_error is not None:
+        _write_map(group, "normal_error_deg", result.truth_error.astype(np.float32), "deg", "against the stack's truth")
+    group["model"].attrs["names"] = np.array(MODEL_NAMES, dtype=h5py.string_dtype())
+    group["flags"].attrs["bits"] = json.dumps({str(bit): text for bit, text in FLAG_NAMES.items()})
+    group.create_dataset("pixel_pitch", data=result.grid.pitch).attrs["units"] = "mm"
+
+
+def _write_map(group: Any, name: str, values: Any, units: str, meaning: str) -> None:
+    dataset = group.create_dataset(name, data=values, compression="lzf", shuffle=True)
+    attributes = {"units": units, "long_name": meaning, "interpretation": "image" if values.ndim > 2 else ""}
+    dataset.attrs.update({key: text for key, text in attributes.items() if text})
+
+
+def _write_brdf(group: Any, result: Result) -> None:
+    """Write f = sum_j coefficient_j atom_j; an atom is a model's name with two parameters (dictionary.MODELS)."""
+    fits = result.fits
+    group.attrs.update({"NX_class": "NXcollection", "dictionary": fits.dictionary.name, "units": "1/sr"})
+    group.attrs["meaning"] = "BRDF of channel c = sum over j of coefficient[..., c, j] times atom[..., c, j]; -1 = none"
+    atoms = fits.dictionary.atoms
+    group.create_dataset("atom_model", data=[a.model for a in atoms], dtype=h5py.string_dtype())
+    group.create_dataset("atom_parameters", data=np.array([(a.a, a.b) for a in atoms]))
+    for name, values in (("atom", fits.atom), ("coefficient", fits.coefficient.astype(np.float32))):
+        group.create_dataset(name, data=result.as_map(values), compression="lzf", shuffle=True)
+
+
+_NEEDED = (
+    "/entry/result/normals",
+    "/entry/result/normal_covariance",
+    "/entry/result/reduced_chi2",
+    "/entry/result/theta_h_range",
+    "/entry/result/flags",
+    "/entry/result/depth",
+    "/entry/result/depth_sigma",
+    "/entry/result/pixel_pitch",
+    "/entry/brdf/atom",
+    "/entry/brdf/coefficient",
+    "/entry/brdf/atom_model",
+    "/entry/brdf/atom_parameters",
+)
+
+
+def read_result(path: Path) -> Result:
+    """Read a result file.
+
+    Raises
+    ------
+    InvalidInputError
+        With everything that is missing, by its path in the file.
+    """
+    title = f"{path} cannot be read as a result."
+    try:
+        with h5py.File(path, "r") as file:
+            raise_if_any(title, (Problem(name, "missing") for name in _NEEDED if name not in file))
+            return _read(file)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        if isinstance(error, InvalidInputError):
+            raise
+        reason = "no such file" if not path.exists() else f"not a result file, or damaged ({error})"
+        raise InvalidInputError(title, [Problem(str(path), reason)]) from None
+
+
+def _read(file: Any) -> Result:
+    maps, brdf = file["/entry/result"], file["/entry/brdf"]
+    height, width = maps["depth"].shape
+    n_pixels = height * width
+    atoms = tuple(
+        Atom(model, float(a), float(b))
+        for model, (a, b) in zip(brdf["atom_model"].asstr()[...], brdf["atom_parameters"][...], strict=True)
+    )
+    unknown = sorted({atom.model for atom in atoms} - set(MODELS))
+    if unknown:
+        raise ValueError(f"atoms of models {unknown} are not known to this version; known are {sorted(MODELS)}")
+    atom = brdf["atom"][...].reshape(n_pixels, *brdf["atom"].shape[2:])
+    if atom.max(initial=-1) >= len(atoms):
+        raise ValueError("brdf/atom points beyond brdf/atom_model")
+
+    def flat(name: str) -> Any:
+        return maps[name][...].astype(np.float64).reshape(n_pixels, *maps[name].shape[2:])
+
+    fits = PixelFits(
+        normals=flat("normals"),
+        covariance=flat("normal_covariance"),
+        reduced_chi2=flat("reduced_chi2"),
+        atom=atom,
+        coefficient=brdf["coefficient"][...].astype(np.float64).reshape(atom.shape),
+        flags=maps["flags"][...].ravel(),
+        theta_h_range=flat("theta_h_range"),
+        dictionary=Dictionary(str(brdf.attrs["dictionary"]), atoms),
+    )
+    error = maps["normal_error_deg"][...].astype(np.float64) if "normal_error_deg" in maps else None
+    text = {name: json.loads(file[f"/entry/{name}"].asstr()[()]) for name in ("choices", "stages", "summary")}
+    return Result(
+        fits=fits,
+        grid=Grid(height, width, float(maps["pixel_pitch"][()])),
+        depth=maps["depth"][...].astype(np.float64),
+        depth_sigma=maps["depth_sigma"][...].astype(np.float64),
+        truth_error=error,
+        **text,
+    )
