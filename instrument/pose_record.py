@@ -1,0 +1,43 @@
+"""What is measured at one pose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class PoseRecord:
+    """What was measured at one pose.
+
+    Attributes
+    ----------
+    counts : ndarray of uint16, shape (E, H, W)
+        Raw frames.
+    exposure_readback, sensor_temperature : ndarray, shape (E,)
+        Seconds and degrees Celsius, as the camera reports them.
+    monotonic_ns : ndarray of int64, shape (E,)
+        When each frame had been read.
+    level_set : float
+        Level of the light that was asked for.
+    level_readback, monitor, light_temperature : ndarray, shape (E,)
+        What the light reported during each exposure.
+    positions : mapping of str to float
+        Read-back of each axis in degrees or millimetres.
+    attempts : int
+        How many times the pose was begun.
+    """
+
+    counts: NDArray[np.uint16]
+    exposure_readback: NDArray[np.float64]
+    sensor_temperature: NDArray[np.float64]
+    monotonic_ns: NDArray[np.int64]
+    level_set: float
+    level_readback: NDArray[np.float64]
+    monitor: NDArray[np.float64]
+    light_temperature: NDArray[np.float64]
+    positions: Mapping[str, float]
+    attempts: int

@@ -1,0 +1,63 @@
+"""Small pictures and numbers of a bracket, for the overview and the quality plots."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Pixels across a preview at most; enough to recognise a pose, small enough to draw all of them.
+LARGEST_WIDTH = 320
+# Share of clipped pixels up to which an exposure still shows the whole sample.
+CLIPPED_SHARE = 1e-3
+
+
+def preview_shape(height: int, width: int) -> tuple[int, int]:
+    """Return the height and width of the preview of a frame."""
+    block = _block(height, width)
+    return height // block, width // block
+
+
+def preview(
+    counts: NDArray[np.uint16],
+    exposure_times: NDArray[np.float64],
+    black_level: float,
+    saturated_fraction: NDArray[np.float64],
+) -> NDArray[np.float32]:
+    """Return block means of the longest exposure that is not clipped; of the shortest if all are.
+
+    Parameters
+    ----------
+    counts : ndarray of uint16, shape (E, H, W)
+        One bracket.
+    exposure_times : ndarray, shape (E,)
+        Seconds, ascending.
+    black_level : float
+        Counts of darkness.
+    saturated_fraction : ndarray, shape (E,)
+        Share of clipped pixels of each frame.
+
+    Returns
+    -------
+    ndarray of float32, shape (h, w)
+        Counts per second; a cell of a Bayer mosaic is averaged as a whole.
+    """
+    usable = np.flatnonzero(saturated_fraction <= CLIPPED_SHARE)
+    best = int(usable[-1]) if usable.size else 0
+    height, width = counts.shape[1:]
+    block = _block(height, width)
+    h, w = preview_shape(height, width)
+    cells = counts[best, : h * block, : w * block].reshape(h, block, w, block)
+    means = cells.mean(axis=(1, 3), dtype=np.float64)
+    return np.asarray((means - black_level) / exposure_times[best], dtype=np.float32)
+
+
+def fraction(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the share of pixels set in each frame; mask (E, H, W) to shape (E,)."""
+    return np.asarray(mask.mean(axis=(1, 2)), dtype=np.float64)
+
+
+def _block(height: int, width: int) -> int:
+    """Return the side of a block, even so that it holds whole cells of a Bayer mosaic."""
+    wanted = 2 * max(1, -(-width // (2 * LARGEST_WIDTH)))
+    # A very flat picture keeps four rows: viewers take an axis of one or two for colours.
+    return min(wanted, max(2, height // 8 * 2))

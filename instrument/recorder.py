@@ -1,0 +1,150 @@
+"""Writes a session file pose by pose, so that a kill at any moment loses one pose at most."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument import layout
+from instrument.digests import chain_digest, frame_digest
+from instrument.layout import Field, Status
+from instrument.pose_record import PoseRecord
+from instrument.preview import fraction, preview
+from instrument.session_file import HDF5_FORMAT, check_space, sync
+
+
+class Recorder:
+    """Fills a session that `create_session` made; the file is locked against other writers.
+
+    Parameters
+    ----------
+    path : Path
+        The session.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be opened, for one because another process writes it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file = _open_alone(path)
+        started = datetime.fromisoformat(self._file[layout.START_TIME.path].asstr()[()])
+        # From here on time runs by the monotonic clock; the wall clock only joins the parts of a session.
+        offset = (datetime.now(UTC) - started).total_seconds()
+        self._monotonic_start = time.monotonic_ns() - round(offset * 1e9)
+        self._write(layout.STATUS, Status.RECORDING)
+        self._write(layout.END_TIME, "")
+        sync(self._file)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close(Status.INTERRUPTED)
+
+    def write_darks(self, mean: NDArray[np.float32], variance: NDArray[np.float32], when_ns: list[int]) -> None:
+        """Write mean and variance of the dark frames; both (E, H, W) in counts, `when_ns` per exposure."""
+        self._write(layout.DARK, mean)
+        self._write(layout.DARK_VARIANCE, variance)
+        # The times say that the darks are whole, so they reach the disk after them.
+        sync(self._file)
+        self._write(layout.DARK_TIMESTAMP, self._seconds(np.asarray(when_ns)))
+        sync(self._file)
+
+    def write_pose(self, i_pose: int, record: PoseRecord) -> None:
+        """Write one pose and then mark it complete, each flushed: a reader never sees half a pose.
+
+        Raises
+        ------
+        OSError
+            If the disk is full or fails.
+        """
+        check_space(self._path, record.counts.nbytes)
+        self._write_frames(i_pose, record)
+        self._write_settings(i_pose, record)
+        self._file.flush()
+        self._write(layout.POSE_COMPLETE, 1, i_pose)
+        sync(self._file)
+
+    def note(self, event: str, **details: str | float) -> None:
+        """Append a line to the journal's events; it reaches the disk with the next pose, or on closing."""
+        if not self._file:
+            return
+        events = self._file[layout.EVENTS.path]
+        line = {"time": datetime.now(UTC).isoformat(), "event": event, **details}
+        events.resize(events.shape[0] + 1, axis=0)
+        events[-1] = json.dumps(line, ensure_ascii=False)
+
+    def close(self, status: Status) -> None:
+        """Write how it ended and when, and close; does nothing the second time."""
+        if not self._file:
+            return
+        try:
+            self._write(layout.STATUS, status)
+            self._write(layout.END_TIME, datetime.now(UTC).isoformat())
+            sync(self._file)
+        finally:
+            self._file.close()
+
+    def _write_frames(self, i_pose: int, record: PoseRecord) -> None:
+        black, saturation = (self._file[field.path][()] for field in (layout.BLACK_LEVEL, layout.SATURATION))
+        digests = [frame_digest(frame) for frame in record.counts]
+        saturated = fraction(record.counts >= saturation)
+        self._write(layout.IMAGES, record.counts, i_pose)
+        self._write(layout.FRAME_OK, 1, i_pose)
+        self._write(layout.FRAME_DIGEST, np.asarray(digests, "S64"), i_pose)
+        self._write(layout.POSE_DIGEST, chain_digest(digests), i_pose)
+        self._write(layout.SATURATED_FRACTION, saturated, i_pose)
+        self._write(layout.BLACK_FRACTION, fraction(record.counts <= black), i_pose)
+        small = preview(record.counts, record.exposure_readback, black, saturated)
+        self._write(layout.PREVIEW, small, i_pose)
+
+    def _write_settings(self, i_pose: int, record: PoseRecord) -> None:
+        self._write(layout.EXPOSURE_READBACK, record.exposure_readback, i_pose)
+        self._write(layout.SENSOR_TEMPERATURE, record.sensor_temperature, i_pose)
+        self._write(layout.MONOTONIC, record.monotonic_ns, i_pose)
+        self._write(layout.TIMESTAMP, self._seconds(record.monotonic_ns), i_pose)
+        self._write(layout.LEVEL_SET, record.level_set, i_pose)
+        self._write(layout.LEVEL_READBACK, record.level_readback, i_pose)
+        self._write(layout.MONITOR, record.monitor, i_pose)
+        self._write(layout.LIGHT_TEMPERATURE, record.light_temperature, i_pose)
+        self._write(layout.ATTEMPTS, record.attempts, i_pose)
+        for axis, position in record.positions.items():
+            self._write(layout.axis_field(axis, "value"), position, i_pose)
+
+    def _write(self, field: Field, value: object, at: object = ()) -> None:
+        self._file[field.path][at] = value
+
+    def _seconds(self, monotonic_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        return (monotonic_ns - self._monotonic_start) / 1e9
+
+
+def _open_alone(path: Path) -> h5py.File:
+    """Open `path` to write, unless anyone else has it open to write, or this very process at all."""
+    try:
+        _refuse_open_here(path)
+        return h5py.File(path, "r+", libver=HDF5_FORMAT)
+    except OSError as error:
+        why = "another process is writing it" if isinstance(error, BlockingIOError) else str(error)
+        message = f"{path} cannot be written: {why}. Close it there, then try again"
+        raise OSError(error.errno, message) from None
+
+
+def _refuse_open_here(path: Path) -> None:
+    # HDF5's lock keeps out other processes only; within one it would share the file without a word.
+    open_files = h5py.h5f.get_obj_ids(h5py.h5f.OBJ_ALL, h5py.h5f.OBJ_FILE)
+    if any(Path(os.fsdecode(file.name)).resolve() == path.resolve() for file in open_files):
+        raise OSError("it is open in this program already")

@@ -1,0 +1,129 @@
+"""The values of `rig.toml`: which devices, how they stand, what they may do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from instrument.board_config import BoardConfig, overlap
+from instrument.settings import NonNegative, Positive, Settings, SettingsFile, Vector
+from instrument.toml_lines import KeyPath
+
+Driver = Literal["simulated"]
+Share = Annotated[float, Field(ge=0, lt=1)]
+
+
+class CameraConfig(Settings):
+    """`[camera]`: the driver and the lens."""
+
+    driver: Driver = Field(description="which driver talks to the camera")
+    width: int = Field(ge=16, le=16384, multiple_of=2, description="pixels across a raw frame")
+    height: int = Field(ge=16, le=16384, multiple_of=2, description="pixels down a raw frame")
+    focal_length_px: Positive = Field(description="nominal focal length in pixels")
+
+
+class LightConfig(Settings):
+    """`[light]`: the driver, where the light stands, how bright it shines."""
+
+    driver: Driver = Field(description="which driver talks to the light")
+    offset_mm: Vector = Field(description="from the lens, in the camera frame (x right, y down, z forward), mm")
+    offset_sigma_mm: Positive = Field(description="standard deviation of each part of offset_mm, mm")
+    level: float = Field(default=1.0, gt=0, le=1, description="relative brightness")
+
+
+class StageConfig(Settings):
+    """`[stage]`: the driver."""
+
+    driver: Driver = Field(description="which driver talks to the stage")
+
+
+class GeometryConfig(Settings):
+    """`[geometry]`: the sample before the lens."""
+
+    working_distance_mm: Positive = Field(description="lens to sample, nominal, mm")
+    area_mm: tuple[Positive, Positive] = Field(description="width and height to reconstruct, mm")
+
+    @property
+    def rectangle(self) -> tuple[float, float, float, float]:
+        """Left, bottom, right and top edge in mm: the area is centred on the origin."""
+        width, height = self.area_mm
+        return (-width / 2, -height / 2, width / 2, height / 2)
+
+
+class SimulationConfig(Settings):
+    """`[simulation]`: what the simulated devices share; the truth that the analysis must find out."""
+
+    seed: int = Field(default=0, ge=0, description="of every random number of the simulated rig")
+    scene: Literal["relief", "plane", "sphere_cap"] = Field(default="relief", description="the sample")
+    light_offset_mm: Vector | None = Field(
+        default=None, description="true light position in the camera frame, mm; light.offset_mm if not given"
+    )
+    power_jitter: Share = Field(default=0.01, description="standard deviation of power from pose to pose")
+    warm_up_drift: Share = Field(default=0.02, description="share of power lost while warming up")
+    warm_up_s: Positive = Field(default=120.0, description="lit seconds that the warm-up takes")
+    distortion: tuple[float, float] = Field(default=(0.0, 0.0), description="k1, k2 of Brown-Conrady")
+    vignetting: Share = Field(default=0.1, description="share of light lost in the picture's corners")
+    lobe_exponent: NonNegative = Field(default=2.0, description="m, where the light shines as cos^m")
+    mount_rotation_deg: NonNegative = Field(default=0.5, description="standard deviation of the stage's tilt")
+    mount_translation_mm: NonNegative = Field(default=0.5, description="and of its place, per axis")
+    axis_error_deg: NonNegative = Field(default=0.02, description="standard deviation from the read-back")
+    focal_length_error: Share = Field(default=0.003, description="relative standard deviation")
+    principal_point_px: NonNegative = Field(default=2.0, description="standard deviation in pixels")
+
+
+class RigConfig(SettingsFile):
+    """A rig; `model_dump()` of it is what the drivers receive."""
+
+    name: Annotated[str, Field(min_length=1)] = Field(description="what the rig is called")
+    camera: CameraConfig
+    light: LightConfig
+    stage: StageConfig
+    geometry: GeometryConfig
+    boards: tuple[BoardConfig, ...] = ()
+    simulation: SimulationConfig = SimulationConfig()
+
+    @model_validator(mode="after")
+    def _parts_fit(self) -> RigConfig:
+        misfits = [text for _, text in rig_misfits(dict(enumerate(self.boards)), self.geometry)]
+        if misfits:
+            raise ValueError("; ".join(misfits))
+        return self
+
+
+def rig_misfits(boards: Mapping[int, BoardConfig], geometry: GeometryConfig | None) -> Iterator[tuple[KeyPath, str]]:
+    """Yield where and why tables do not fit each other.
+
+    It takes those that are well formed by themselves, so that a mistake in one table does not hide
+    another one between two others.
+    """
+    for i, board in boards.items():
+        if geometry is not None and overlap(board.rectangle, geometry.rectangle):
+            yield _at(i, "corner_mm", f"{_box(board)}, which overlaps geometry.area_mm; move it outside")
+    for (i, first), (j, second) in combinations(boards.items(), 2):
+        if overlap(first.rectangle, second.rectangle):
+            yield _at(j, "corner_mm", f"{_box(second)}, which overlaps boards[{i}] ({_box(first)})")
+        yield from _shared_markers(i, first, j, second)
+
+
+def _shared_markers(i: int, first: BoardConfig, j: int, second: BoardConfig) -> Iterator[tuple[KeyPath, str]]:
+    shared = sorted(set(first.marker_ids) & set(second.marker_ids))
+    if shared and first.dictionary == second.dictionary:
+        yield _at(
+            j,
+            "first_id",
+            f"the board's marker ids {second.marker_ids[0]} to {second.marker_ids[-1]} overlap those of "
+            f"boards[{i}] ({first.marker_ids[0]} to {first.marker_ids[-1]}); "
+            f"the next free id after that board is {first.marker_ids[-1] + 1}",
+        )
+
+
+def _at(i: int, key: str, text: str) -> tuple[KeyPath, str]:
+    return ("boards", i, key), f"boards[{i}].{key}: {text}"
+
+
+def _box(board: BoardConfig) -> str:
+    left, bottom, right, top = board.rectangle
+    return f"the board covers x {left:g} to {right:g}, y {bottom:g} to {top:g} mm"

@@ -1,0 +1,72 @@
+"""Brings a session file into the world, whole or not at all, and hands its bytes to the disk."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+from pathlib import Path
+
+import h5py
+
+from instrument.session_header import SessionHeader
+from instrument.session_tree import write_tree
+
+# The oldest format with checksums on its own bookkeeping, and the newest that opens after a kill: the
+# next one marks a file that is being written, and refuses it afterwards.
+HDF5_FORMAT = ("v108", "v108")
+
+
+class SessionExistsError(FileExistsError):
+    """A capture would overwrite a file."""
+
+
+class InsufficientSpaceError(OSError):
+    """The disk cannot hold what is planned."""
+
+
+def create_session(path: Path, header: SessionHeader, planned_bytes: int) -> None:
+    """Write a session without frames at `path`; it appears there whole or not at all.
+
+    Raises
+    ------
+    SessionExistsError
+        If there is a file at `path`.
+    InsufficientSpaceError
+        If the disk cannot hold the plan and a tenth more.
+    """
+    refuse_existing(path)
+    check_space(path, planned_bytes)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with h5py.File(part, "w", libver=HDF5_FORMAT) as file:
+            write_tree(file, header)
+            sync(file)
+        part.rename(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def refuse_existing(path: Path) -> None:
+    """Raise `SessionExistsError` if there is anything at `path`."""
+    if path.exists():
+        raise SessionExistsError(
+            f"{path} exists and is not overwritten. Choose another name, or go on with it: halfangle resume {path}"
+        )
+
+
+def check_space(path: Path, planned_bytes: int) -> None:
+    """Raise `InsufficientSpaceError` unless `planned_bytes` and a tenth more fit beside `path`."""
+    free, needed = shutil.disk_usage(path.parent).free, int(1.1 * planned_bytes)
+    if free < needed:
+        raise InsufficientSpaceError(
+            errno.ENOSPC,
+            f"{path.parent} has {free / 1e6:.0f} MB free; the capture needs up to {needed / 1e6:.0f} MB. "
+            "Free some space or choose another disk",
+        )
+
+
+def sync(file: h5py.File) -> None:
+    """Hand everything to the disk, not only to the operating system."""
+    file.flush()
+    os.fsync(file.id.get_vfd_handle())

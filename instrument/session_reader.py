@@ -1,0 +1,143 @@
+"""Opens a session file, or says why it is none, and reads single datasets with errors that name them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import h5py
+import hdf5plugin
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument import layout
+from instrument.layout import Field
+from instrument.structure import HDF5_ERRORS, structure_problems
+from instrument.validation import InvalidInputError, Problem, raise_if_any
+
+# Importing hdf5plugin registers the filter that the frames are stored with.
+FILTERS = hdf5plugin.FILTERS
+
+
+class SessionReader:
+    """An open session file whose structure has been checked.
+
+    Parameters
+    ----------
+    path : Path or str
+        A session file; one that is still being recorded may be read too.
+
+    Raises
+    ------
+    InvalidInputError
+        With everything that is missing, mis-shaped, damaged or points out of the file.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = Path(path)
+        self._file = open_session_file(self.path)
+        try:
+            raise_if_any(f"{path} is not a usable session", structure_problems(self._file))
+        except InvalidInputError:
+            self._file.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file; safe to call twice."""
+        self._file.close()
+
+    def _array(self, field: Field, at: Any = ()) -> NDArray[Any]:
+        with self._reading(field):
+            return np.asarray(self._file[field.path][at])
+
+    def _scalar(self, field: Field) -> float:
+        return float(self._array(field))
+
+    def _text(self, field: Field) -> str:
+        with self._reading(field):
+            return str(self._file[field.path].asstr()[()])
+
+    def _texts(self, field: Field) -> list[str]:
+        with self._reading(field):
+            return [text.decode() for text in self._file[field.path][()].ravel()]
+
+    @contextmanager
+    def _reading(self, field: Field) -> Iterator[None]:
+        """Turn what h5py raises on a damaged file into a problem at `field`."""
+        try:
+            yield
+        except HDF5_ERRORS as error:
+            problem = Problem(field.path, f"cannot be read: {error}")
+            raise InvalidInputError(f"{self.path} is damaged", [problem]) from error
+
+
+def open_session_file(path: Path) -> h5py.File:
+    """Open a session to read; one that is still being recorded may be looked at, too.
+
+    Raises
+    ------
+    InvalidInputError
+        If `path` is missing, not HDF5, damaged, or holds something else than a session.
+    """
+    try:
+        file = _open(path)
+    except OSError as error:
+        raise _unusable(path, _why_not_open(path, error)) from None
+    why = _why_foreign(file)
+    if why:
+        file.close()
+        raise _unusable(path, why)
+    return file
+
+
+def _open(path: Path) -> h5py.File:
+    try:
+        # Without a lock: the writer holds one, and read-only shares may know none.
+        return h5py.File(path, "r", locking=False)
+    except OSError as error:
+        try:
+            # HDF5 lets one process open a file twice only with the same locking, here that of a recorder.
+            return h5py.File(path, "r")
+        except OSError:
+            raise error from None
+
+
+def _unusable(path: Path, why: str) -> InvalidInputError:
+    return InvalidInputError(f"{path} is not a usable session", [Problem(str(path), why)])
+
+
+def _why_not_open(path: Path, error: OSError) -> str:
+    if not path.exists():
+        return "there is no such file"
+    if path.is_dir():
+        return "this is a folder; name a file in it"
+    if isinstance(error, PermissionError):
+        return "there is no permission to read it"
+    if not h5py.is_hdf5(path):
+        return "this is not an HDF5 file"
+    return f"the file is damaged or cut short: {error}"
+
+
+def _why_foreign(file: h5py.File) -> str:
+    try:
+        entry = file[layout.ENTRY]
+        version = str(entry.attrs[layout.SCHEMA_ATTRIBUTE])
+        holds = set(entry)
+    except HDF5_ERRORS:
+        return f"this HDF5 file is not of halfangle: {layout.ENTRY} has no {layout.SCHEMA_ATTRIBUTE}"
+    if "instrument" not in holds:
+        return f"this is not a session: {layout.ENTRY} holds {', '.join(sorted(holds)) or 'nothing'}"
+    if version.split(".", maxsplit=1)[0] != layout.SCHEMA_VERSION.split(".")[0]:
+        return f"the session has format {version}; this halfangle reads {layout.SCHEMA_VERSION}"
+    return ""

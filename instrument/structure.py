@@ -1,0 +1,158 @@
+"""Does a file hold what a session must? Nothing large is read to find out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, MutableMapping
+
+import h5py
+import numpy as np
+
+from instrument import layout
+from instrument.layout import Field
+from instrument.validation import Problem
+
+# What h5py raises on a damaged file, depending on which byte is wrong.
+HDF5_ERRORS = (
+    OSError,
+    RuntimeError,
+    LookupError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    ArithmeticError,
+    MemoryError,
+    SystemError,
+)
+
+Dims = MutableMapping[str, int]
+
+
+def structure_problems(file: h5py.File) -> Iterator[Problem]:
+    """Yield everything that is missing, mis-shaped, or points out of the file."""
+    try:
+        yield from _links_out(file)
+        dims: dict[str, int] = {}
+        yield from _problems(file, _expected_fields(file), dims)
+        yield from _too_large(dims)
+    except HDF5_ERRORS as error:
+        yield Problem(layout.ENTRY, f"the file is damaged: {error}")
+
+
+def axis_names(file: h5py.File) -> list[str]:
+    """Return the names of the stage's axes."""
+    return _groups_within(file, layout.STAGE)
+
+
+def n_boards(file: h5py.File) -> int:
+    """Return how many marker boards the file describes."""
+    return len(_groups_within(file, layout.BOARDS))
+
+
+def _groups_within(file: h5py.File, path: str) -> list[str]:
+    group = file.get(path)
+    if not isinstance(group, h5py.Group):
+        return []
+    return [name for name in group if isinstance(group.get(name), h5py.Group)]
+
+
+def _expected_fields(file: h5py.File) -> Iterator[Field]:
+    # The frames come first: all other shapes must agree with theirs.
+    yield layout.IMAGES
+    for field in layout.FIELDS:
+        if field is not layout.IMAGES and not (field.optional and field.path not in file):
+            yield field
+    for name in axis_names(file):
+        yield from (layout.axis_field(name, field.path) for field in layout.AXIS_FIELDS)
+    for index in range(n_boards(file)):
+        yield from layout.board_fields(index)
+
+
+def _problems(file: h5py.File, fields: Iterable[Field], dims: Dims) -> Iterator[Problem]:
+    known: dict[str, str] = {"": ""}
+    for field in fields:
+        why = _why_missing(file, field.path, known)
+        if why:
+            yield Problem(field.path, why.removeprefix(f"{field.path} "))
+        else:
+            yield from _dataset_problems(file[field.path], field, dims)
+
+
+def _why_missing(file: h5py.File, path: str, known: dict[str, str]) -> str:
+    """Go down link by link: `in` and `get` would follow one into another file; keeps answers in `known`."""
+    if path not in known:
+        parent = path.rpartition("/")[0]
+        known[path] = _why_missing(file, parent, known) or _why_not_in(file, parent, path)
+    return known[path]
+
+
+def _why_not_in(file: h5py.File, parent: str, path: str) -> str:
+    if parent and not isinstance(file[parent], h5py.Group):
+        return f"{parent} is no group"
+    link = file.get(path, getlink=True)
+    if link is None:
+        return f"{path} is missing"
+    if not isinstance(link, h5py.HardLink):
+        return f"{path} is a link to elsewhere; a session holds all of its data itself"
+    return ""
+
+
+def _dataset_problems(dataset: h5py.Dataset | h5py.Group, field: Field, dims: Dims) -> Iterator[Problem]:
+    if not isinstance(dataset, h5py.Dataset):
+        yield Problem(field.path, "is a group and should be a dataset")
+        return
+    if dataset.is_virtual or dataset.external:
+        yield Problem(field.path, "takes its values from other files; a session holds all of its data itself")
+    if not _dtype_fits(dataset.dtype, field):
+        yield Problem(field.path, f"has type {dataset.dtype}; expected {field.dtype}")
+    if not _shape_fits(dataset.shape, field, dims):
+        yield Problem(field.path, f"has shape {dataset.shape}; expected {_expected_shape(field, dims)}")
+    units = dataset.attrs.get("units", "")
+    if field.units and units != field.units:
+        yield Problem(field.path, f"has units {units!r}; expected {field.units!r}")
+
+
+def _dtype_fits(dtype: np.dtype[np.generic], field: Field) -> bool:
+    if field.dtype == "str" or field.dtype.startswith("S"):
+        return h5py.check_string_dtype(dtype) is not None
+    return dtype == np.dtype(field.dtype)
+
+
+def _shape_fits(shape: tuple[int, ...] | None, field: Field, dims: Dims) -> bool:
+    if shape is None or len(shape) != len(field.shape):
+        return False
+    return all(
+        part == "*" or size == (dims.setdefault(part, size) if isinstance(part, str) else part)
+        for part, size in zip(field.shape, shape, strict=True)
+    )
+
+
+def _expected_shape(field: Field, dims: Dims) -> str:
+    sizes = (str(part) for part in field.shape)
+    return f"({', '.join(f'{size}={dims[size]}' if size in dims else size for size in sizes)})"
+
+
+def _too_large(dims: Dims) -> Iterator[Problem]:
+    for name, largest in layout.LARGEST.items():
+        if not 0 < dims.get(name, 1) <= largest:
+            yield Problem(layout.IMAGES.path, f"has {name} = {dims[name]}; allowed is 1 to {largest}")
+    bracket = 2 * dims.get("E", 0) * dims.get("H", 0) * dims.get("W", 0)
+    if bracket > layout.LARGEST_BRACKET_BYTES:
+        limit = layout.LARGEST_BRACKET_BYTES
+        yield Problem(layout.IMAGES.path, f"needs {bracket} bytes for one pose; allowed are {limit}")
+
+
+def _links_out(file: h5py.File) -> Iterator[Problem]:
+    """Walk every group once; nothing is followed out of the file."""
+    seen, waiting = {file.id}, [file["/"]]
+    while waiting:
+        group = waiting.pop()
+        for name in group:
+            link = group.get(name, getlink=True)
+            where = f"{group.name.rstrip('/')}/{name}"
+            if isinstance(link, h5py.ExternalLink):
+                yield Problem(where, "links to another file; a session holds all of its data itself")
+            elif isinstance(link, h5py.HardLink):
+                child = group[name]
+                if isinstance(child, h5py.Group) and child.id not in seen:
+                    seen.add(child.id)
+                    waiting.append(child)

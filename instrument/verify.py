@@ -1,0 +1,99 @@
+"""Checks that every frame of a session is what the camera gave, and that the whole is consistent."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from instrument import layout
+from instrument.digests import chain_digest, frame_digest, text_digest
+from instrument.layout import Status
+from instrument.session import Session
+from instrument.session_reader import open_session_file
+from instrument.structure import structure_problems
+from instrument.validation import InvalidInputError, Problem
+
+
+def verify_session(path: Path | str) -> Iterator[Problem]:
+    """Yield everything that is wrong with a session; reads every frame of its complete poses.
+
+    Raises
+    ------
+    InvalidInputError
+        If `path` is no session at all.
+    """
+    with open_session_file(Path(path)) as file:
+        problems = tuple(structure_problems(file))
+    if problems:
+        # Without its structure the content means nothing.
+        yield from problems
+        return
+    with Session(path) as session:
+        for check in (plan_problems, _status_problems, _journal_problems, _frame_problems):
+            yield from _guarded(check(session))
+
+
+def _guarded(problems: Iterator[Problem]) -> Iterator[Problem]:
+    """Yield `problems`; what cannot be read is one of them."""
+    try:
+        yield from problems
+    except InvalidInputError as error:
+        yield from error.problems
+
+
+def plan_problems(session: Session) -> Iterator[Problem]:
+    """Yield what speaks against the plan of a session: changed, or not that of the frames."""
+    if text_digest(session.plan_json) != session.plan_sha256:
+        yield Problem(layout.PLAN_SHA256.path, "does not fit the plan: one of the two was changed")
+        return
+    try:
+        plan = json.loads(session.plan_json)
+        times, n_poses = plan["exposure_times_s"], len(plan["positions"])
+    except (ValueError, KeyError, TypeError):
+        yield Problem(layout.PLAN_JSON.path, "is not a plan")
+        return
+    if times != session.exposure_times.tolist():
+        yield Problem(layout.COUNT_TIME.path, f"differs from the plan's {times} s")
+    if n_poses != session.n_poses:
+        yield Problem(layout.IMAGES.path, f"holds {session.n_poses} poses; the plan has {n_poses}")
+
+
+def _status_problems(session: Session) -> Iterator[Problem]:
+    n_complete = int(session.pose_complete.sum())
+    if session.status is Status.COMPLETE and n_complete < session.n_poses:
+        what = f"says complete, but {session.n_poses - n_complete} of {session.n_poses} poses are missing"
+        yield Problem(layout.STATUS.path, what)
+    if session.status is Status.COMPLETE and not session.end_time:
+        yield Problem(layout.END_TIME.path, "is empty in a complete session")
+
+
+def _journal_problems(session: Session) -> Iterator[Problem]:
+    whole, ok = session.pose_complete, session.frame_ok
+    for i_pose in np.flatnonzero(whole & ~ok.any(axis=1)):
+        yield Problem(layout.FRAME_OK.path, f"pose {i_pose} is marked complete without a valid frame")
+    for i_pose in np.flatnonzero(whole & ~(session.exposure_readback > 0).all(axis=1)):
+        yield Problem(layout.EXPOSURE_READBACK.path, f"pose {i_pose} is marked complete without read-backs")
+
+
+def _frame_problems(session: Session) -> Iterator[Problem]:
+    pose_digests, frame_digests, ok = session.pose_digests, session.frame_digests, session.frame_ok
+    for i_pose in np.flatnonzero(session.pose_complete).tolist():
+        if chain_digest(frame_digests[i_pose]) != pose_digests[i_pose]:
+            yield Problem(layout.FRAME_DIGEST.path, f"pose {i_pose}: the digests were changed")
+        for i_exposure, expected in enumerate(frame_digests[i_pose]):
+            if ok[i_pose, i_exposure]:
+                yield from _one_frame(session, i_pose, i_exposure, expected)
+
+
+def _one_frame(session: Session, i_pose: int, i_exposure: int, expected: str) -> Iterator[Problem]:
+    where = f"pose {i_pose}, exposure {i_exposure} ({session.exposure_times[i_exposure]:g} s)"
+    try:
+        found = frame_digest(session.frame(i_pose, i_exposure))
+    except InvalidInputError as error:
+        yield Problem(layout.IMAGES.path, f"{where} cannot be read: {error.problems[0].what}")
+        return
+    if found != expected:
+        yield Problem(layout.IMAGES.path, f"{where} differs from what was recorded: {found} is not {expected}")

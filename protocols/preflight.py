@@ -1,0 +1,40 @@
+"""Refuses a capture that cannot end well, with every reason, before anything moves or lights."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from drivers.errors import DeviceLimitError
+from drivers.limits import Limits
+from instrument.rig import Rig
+from instrument.validation import Problem
+from protocols.plan import Plan
+
+
+def preflight_problems(rig: Rig, plan: Plan) -> Iterator[Problem]:
+    """Yield what the connected devices cannot do of a plan."""
+    yield from _axis_problems(rig, plan)
+    limits = rig.camera.describe().exposure_time_limits
+    for exposure_time in plan.exposure_times:
+        remedy = "Drop that step from the bracket or change the aperture."
+        yield from _limit_problem("bracket.exposure_times_s", limits, exposure_time, remedy)
+    level = rig.config.light.level
+    yield from _limit_problem("light.level", rig.light.describe().level_limits, level, "Change light.level.")
+
+
+def _axis_problems(rig: Rig, plan: Plan) -> Iterator[Problem]:
+    axes = {axis.name: axis for axis in rig.stage.describe().axes}
+    for name, targets in plan.targets.items():
+        if name not in axes:
+            yield Problem(f"axis {name!r}", f"the stage has no such axis; it has {', '.join(axes)}")
+            continue
+        for i_pose, target in enumerate(targets):
+            where = f"pose {i_pose}, axis {name!r}"
+            yield from _limit_problem(where, axes[name].soft_limits, target, "Leave that pose out.")
+
+
+def _limit_problem(where: str, limits: Limits, value: float, remedy: str) -> Iterator[Problem]:
+    try:
+        limits.check("the value", value, remedy)
+    except DeviceLimitError as error:
+        yield Problem(where, str(error))
