@@ -8,6 +8,7 @@ it s merely scales the fall-off.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,7 @@ Array = NDArray[np.float64]
 
 N_PIXELS = 500
 _CURVATURE_STEP_MM = 0.5
+_BLOCKS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,13 +65,17 @@ def looking_at_centre(camera_position: Array) -> Array:
 
 
 def estimate_light_offset(
-    stack: Stack, dictionary: Dictionary, noise: Noise, start: LightOffset, rng: np.random.Generator
+    stack: Stack,
+    dictionary: Dictionary,
+    noise: Noise,
+    start: LightOffset,
+    rng: np.random.Generator,
+    depth: Array | None = None,
 ) -> LightOffset:
     """Find the offset that leaves the smallest residual over the most glossy of a sample of pixels.
 
     Minimises sum_p dof/2 log(chi^2_p) + the prior (s - s_0)^2 / (2 sigma_0^2): each pixel's noise level is
-    profiled out, so that a few bad pixels do not decide. Nelder-Mead on the two lateral components; the
-    sigma is that of the quadratic at the minimum.
+    profiled out, so that a few bad pixels do not decide. Nelder-Mead on the two lateral components.
 
     Parameters
     ----------
@@ -81,30 +87,33 @@ def estimate_light_offset(
         Prior mean and sigma; an infinite sigma is no prior.
     rng : numpy.random.Generator
         Draws the pixels.
+    depth : ndarray, shape (H, W), or None
+        Millimetres; None = flat.
     """
-    first = PixelProblem(stack, dictionary, sample_pixels(stack, 4 * N_PIXELS, rng))
+    first = PixelProblem(stack, dictionary, sample_pixels(stack, 4 * N_PIXELS, rng), depth)
     at_start = first.solve(noise, light_position=light_position(stack, start.value))
     contrast = _highlight_contrast(first)
     usable = np.isfinite(at_start.reduced_chi2) & np.isfinite(contrast)
     chosen = np.sort(np.flatnonzero(usable)[np.argsort(contrast[usable])[-N_PIXELS:]])
-    problem = PixelProblem(stack, dictionary, first.pixels[chosen])
+    problem = PixelProblem(stack, dictionary, first.pixels[chosen], depth)
     normals = at_start.normals[chosen]
     degrees = max(stack.n_views * stack.radiance.shape[-1] - 8, 1)
 
-    def loss(lateral: Array) -> float:
+    def losses(lateral: Array) -> Array:
         offset = np.array([lateral[0], lateral[1], start.value[2]])
         fits = problem.solve(noise, start=normals, light_position=light_position(stack, offset))
+        chi2 = np.where(np.isfinite(fits.reduced_chi2), fits.reduced_chi2, 1.0)
+        return np.asarray(0.5 * degrees * np.log(np.maximum(chi2, 1e-9)))
+
+    def loss(lateral: Array) -> float:
         prior = np.sum(((lateral - start.value[:2]) / start.sigma[:2]) ** 2) / 2.0
-        chi2 = np.maximum(fits.reduced_chi2[np.isfinite(fits.reduced_chi2)], 1e-9)
-        return float(0.5 * degrees * np.sum(np.log(chi2)) + prior)
+        return float(losses(lateral).sum() + prior)
 
     reach = np.where(np.isfinite(start.sigma[:2]), np.minimum(start.sigma[:2], 4.0), 4.0)
     simplex = start.value[:2] + np.array([[0.0, 0.0], [reach[0], 0.0], [0.0, reach[1]]])
-    found = minimize(
-        loss, start.value[:2], method="Nelder-Mead",
-        options={"initial_simplex": simplex, "xatol": 0.02, "fatol": 0.1, "maxfev": 60},
-    )  # fmt: skip
-    sigma = np.array([*_sigma_at(loss, found.x, found.fun), start.sigma[2]])
+    options = {"initial_simplex": simplex, "xatol": 0.02, "fatol": 0.1, "maxfev": 60}
+    found = minimize(loss, start.value[:2], method="Nelder-Mead", options=options)
+    sigma = np.array([*_sigma_at(losses, found.x, _blocks(stack, problem.pixels)), start.sigma[2]])
     return LightOffset(np.array([*found.x, start.value[2]]), sigma)
 
 
@@ -116,14 +125,26 @@ def _highlight_contrast(problem: PixelProblem) -> Array:
         return np.asarray(np.where(typical > 0.0, np.nanmax(brightness, axis=0) / typical, np.nan))
 
 
-def _sigma_at(loss: object, minimum: Array, value: float) -> Array:
-    """One standard deviation of each component from the curvature along it."""
-    assert callable(loss)
+def _blocks(stack: Stack, pixels: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Number of the square of the area, `_BLOCKS` a side, that each pixel lies in."""
+    rows, columns = np.divmod(pixels, stack.grid.width)
+    return np.asarray(rows * _BLOCKS // stack.grid.height * _BLOCKS + columns * _BLOCKS // stack.grid.width)
+
+
+def _sigma_at(losses: Callable[[Array], Array], minimum: Array, block: NDArray[np.int64]) -> Array:
+    """One standard deviation of each component: slopes of the blocks' losses over the curvature [huber1967].
+
+    Neighbours share their model error, so the scatter of independent pixels would be far too small; whole
+    blocks of the area that pull in different directions tell how well the minimum is known.
+    """
     sigma = np.full(2, np.inf)
+    here = losses(minimum)
     for i in range(2):
         step = np.zeros(2)
         step[i] = _CURVATURE_STEP_MM
-        rise = loss(minimum + step) + loss(minimum - step) - 2.0 * value
-        if rise > 0.0:
-            sigma[i] = _CURVATURE_STEP_MM / np.sqrt(rise)
+        ahead, behind = losses(minimum + step), losses(minimum - step)
+        curvature = np.sum(ahead + behind - 2.0 * here) / _CURVATURE_STEP_MM**2
+        slope = np.bincount(block, (ahead - behind) / (2.0 * _CURVATURE_STEP_MM))
+        if curvature > 0.0:
+            sigma[i] = np.sqrt(np.sum(slope**2)) / curvature
     return sigma

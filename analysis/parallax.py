@@ -11,13 +11,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
+from numba import njit, prange
 from numpy.typing import NDArray
 
 from analysis.stack import Stack
 
 Array = NDArray[np.float64]
+
+_CLIPPED_SHARE = 0.02  # a clipped sample of less weight leaves the value a value
 
 
 def parallax_shift(stack: Stack, depth: Array) -> Array:
@@ -46,6 +48,8 @@ def parallax_shift(stack: Stack, depth: Array) -> Array:
 def follow_surface(stack: Stack, depth: Array) -> Stack:
     """Resample every view (bicubic) so that pixel (i, j) shows the point at height ``depth[i, j]`` above it.
 
+    Variance is propagated through the weights; a value interpolated from any clipped sample is a bound too.
+
     Parameters
     ----------
     stack : Stack
@@ -53,31 +57,67 @@ def follow_surface(stack: Stack, depth: Array) -> Stack:
     depth : ndarray, shape (H, W)
         Millimetres; NaN counts as 0.
     """
-    shift = parallax_shift(stack, depth).astype(np.float32)
-    rows, columns = np.meshgrid(
-        np.arange(stack.grid.height, dtype=np.float32),
-        np.arange(stack.grid.width, dtype=np.float32),
-        indexing="ij",
-    )
+    shift = parallax_shift(stack, depth)
     radiance = np.empty_like(stack.radiance)
-    variance = None if stack.variance is None else np.empty_like(stack.variance)
-    saturated = None if stack.saturated is None else np.empty_like(stack.saturated)
-    for v in range(stack.n_views):
-        # Contiguous 2-D maps: OpenCV 5.0 misreads strided ones without an error.
-        x = np.ascontiguousarray(columns + shift[v, ..., 0])
-        y = np.ascontiguousarray(rows + shift[v, ..., 1])
-        radiance[v] = _remap(stack.radiance[v], x, y, cv2.INTER_CUBIC)
-        if variance is not None and stack.variance is not None:
-            variance[v] = _remap(stack.variance[v], x, y, cv2.INTER_LINEAR)
-        if saturated is not None and stack.saturated is not None:
-            # A value interpolated from any clipped sample is a bound too.
-            share = _remap(stack.saturated[v].astype(np.float32), x, y, cv2.INTER_LINEAR)
-            saturated[v] = np.nan_to_num(share) > 0.0
-    return replace(stack, radiance=radiance, variance=variance, saturated=saturated)
+    # Without a variance or a mask there is nothing to resample; one empty view stands in for the kernel.
+    nothing = np.zeros((1, 0, 0, 0), np.float32)
+    variance = nothing if stack.variance is None else np.empty_like(stack.variance)
+    saturated = nothing.astype(np.uint8) if stack.saturated is None else np.empty_like(stack.saturated)
+    _resample(
+        stack.radiance,
+        nothing if stack.variance is None else stack.variance,
+        nothing.astype(np.uint8) if stack.saturated is None else stack.saturated,
+        shift,
+        radiance,
+        variance,
+        saturated,
+    )
+    return replace(
+        stack,
+        radiance=radiance,
+        variance=None if stack.variance is None else variance,
+        saturated=None if stack.saturated is None else saturated,
+    )
 
 
-def _remap(
-    image: NDArray[np.float32], x: NDArray[np.float32], y: NDArray[np.float32], method: int
-) -> NDArray[np.float32]:
-    out = cv2.remap(image, x, y, method, borderMode=cv2.BORDER_CONSTANT, borderValue=(np.nan, np.nan, np.nan))
-    return np.asarray(out, np.float32).reshape(image.shape)
+@njit(cache=True, nogil=True)
+def _catmull_rom(f, w):
+    """Weights of the samples at -1, 0, 1, 2 for a point at 0 <= f < 1 [keys1981, a = -1/2]."""
+    w[0] = f * (-0.5 + f * (1.0 - 0.5 * f))
+    w[1] = 1.0 + f * f * (-2.5 + 1.5 * f)
+    w[2] = f * (0.5 + f * (2.0 - 1.5 * f))
+    w[3] = f * f * (-0.5 + 0.5 * f)
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _resample(radiance, variance, saturated, shift, out_radiance, out_variance, out_saturated):
+    n_views, height, width, n_channels = radiance.shape
+    for task in prange(n_views * height):
+        v, i = task // height, task % height
+        w_x, w_y = np.empty(4), np.empty(4)
+        for j in range(width):
+            x, y = j + shift[v, i, j, 0], i + shift[v, i, j, 1]
+            # Within half a pixel of the border the outermost samples are repeated; beyond, nothing is known.
+            inside = -0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5
+            x0, y0 = int(np.floor(x)), int(np.floor(y))
+            _catmull_rom(x - x0, w_x)
+            _catmull_rom(y - y0, w_y)
+            for ch in range(n_channels):
+                value, noise, clipped = 0.0, 0.0, False
+                for a in range(4):
+                    r = min(max(y0 - 1 + a, 0), height - 1)
+                    for b in range(4):
+                        c = min(max(x0 - 1 + b, 0), width - 1)
+                        w = w_x[b] * w_y[a]
+                        # A missing sample of no weight must not make its neighbour missing.
+                        if w != 0.0:
+                            value += w * radiance[v, r, c, ch]
+                            if variance.size > 0:
+                                noise += w * w * variance[v, r, c, ch]
+                            if saturated.size > 0:
+                                clipped = clipped or (saturated[v, r, c, ch] > 0 and abs(w) > _CLIPPED_SHARE)
+                out_radiance[v, i, j, ch] = value if inside else np.nan
+                if variance.size > 0:
+                    out_variance[v, i, j, ch] = noise if inside else np.nan
+                if saturated.size > 0:
+                    out_saturated[v, i, j, ch] = clipped

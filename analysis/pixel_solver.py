@@ -32,6 +32,9 @@ TOO_FEW_VIEWS, BLACK, CLIPPED, NOT_CONVERGED, POOR_FIT = 1, 2, 4, 8, 16
 
 _OUTLIER = 9.0  # a view's weight is halved where its chi-square is 9 times the expected: 3 sigma
 _START_STEPS, _STEPS, _STAGES = 4, 10, 2
+_PEAK = 3.0
+# Atoms narrower than the smallest half angle seen would grow without bound: the curve at theta_h = 0 is
+# held to this many times the brightest sample, one sigma. A peak that was seen hardly feels it.
 _LONGEST_STEP = 0.25  # rad; beyond it the slope of a curve means nothing
 _CONVERGED_STEP = 1e-5  # rad, about 0.0006 deg
 _POOR_FIT = 25.0  # chi-square per degree of freedom: residuals of five times the stated noise
@@ -84,7 +87,9 @@ class _Pixel(NamedTuple):
     clipped: NDArray[np.uint8]  # [C, N]
     light: NDArray[np.float64]  # [N, 3] omega_i
     half: NDArray[np.float64]  # [N, 3] h
-    phi: NDArray[np.float32]  # [N, K]
+    phi: NDArray[np.float32]  # [N + 1, K]; the last row is the peak at theta_h = 0
+    target: NDArray[np.float64]  # [N + 1] y of one channel, 0 for the peak
+    pull: NDArray[np.float64]  # [N + 1] weight of one channel, that of the peak's prior last
     cosine_h: NDArray[np.float64]  # [N]
     cosine_i: NDArray[np.float64]  # [N]
     model: NDArray[np.float64]  # [C, N]
@@ -115,7 +120,7 @@ def solve_pixels(samples, geometry, settings, table, derivative, first, last, ou
     n_atoms = table.shape[1]
     px = _allocate(n_views, n_channels, n_atoms)
     saved = _allocate(n_views, n_channels, 1)
-    work = nnls_work(n_views, n_atoms)
+    work = nnls_work(n_views + 1, n_atoms)
     normal = np.empty(3)
     best = np.empty(3)
     H = np.empty((2, 2))
@@ -162,7 +167,9 @@ def _allocate(n_views, n_channels, n_atoms):
         np.zeros((n_channels, n_views), np.uint8),
         np.zeros((n_views, 3)),
         np.zeros((n_views, 3)),
-        np.zeros((n_views, n_atoms), np.float32),
+        np.zeros((n_views + 1, n_atoms), np.float32),
+        np.zeros(n_views + 1),
+        np.zeros(n_views + 1),
         np.zeros(n_views),
         np.zeros(n_views),
         np.zeros((n_channels, n_views)),
@@ -393,7 +400,9 @@ def _lookup(c, n_nodes):
 @njit(cache=True, nogil=True, fastmath=True)
 def _fill_atoms(n, px, table):
     """phi[v, k] = phi_k(c_v) s_v of every atom; zero where the surface faces away."""
-    n_views, n_atoms = px.phi.shape
+    n_views, n_atoms = px.half.shape[0], px.phi.shape[1]
+    for k in range(n_atoms):
+        px.phi[n_views, k] = table[0, k]
     for v in range(n_views):
         c = n[0] * px.half[v, 0] + n[1] * px.half[v, 1] + n[2] * px.half[v, 2]
         s = n[0] * px.light[v, 0] + n[1] * px.light[v, 1] + n[2] * px.light[v, 2]
@@ -412,11 +421,18 @@ def _fill_atoms(n, px, table):
 def _fit_channel(px, settings, work, ch):
     """Coefficients of one channel at the atoms in `px.phi`, from the last ones; fills the model."""
     w = px.weight[ch]
-    for v in range(w.shape[0]):
+    n_views = w.shape[0]
+    brightest = 0.0
+    for v in range(n_views):
         # A bound that the last model kept says nothing; one that it missed pulls like a value.
         if px.clipped[ch, v] and px.model[ch, v] > px.y[ch, v]:
             w[v] = 0.0
-    px.count[ch] = nnls(px.phi, w, px.y[ch], settings.tolerance, px.count[ch], px.active[ch], px.a[ch], work)
+        px.target[v] = px.y[ch, v]
+        px.pull[v] = w[v]
+        if w[v] > 0.0:
+            brightest = max(brightest, px.y[ch, v])
+    px.pull[n_views] = 1.0 / (_PEAK * brightest) ** 2 if brightest > 0.0 else 0.0
+    px.count[ch] = nnls(px.phi, px.pull, px.target, settings.tolerance, px.count[ch], px.active[ch], px.a[ch], work)
     columns = work[0]
     for v in range(w.shape[0]):
         fit = 0.0

@@ -41,8 +41,9 @@ class Options:
         ``"parametric"``, ``"sgd"`` or ``"abc"``.
     accuracy : {"draft", "normal", "best"}
         Number of geometry updates, `ACCURACIES`.
-    light : {"given", "collocated", "estimate"}
-        Where the light stands: as the stack says, in the lens, or as the highlights say.
+    light : {"auto", "given", "collocated", "estimate"}
+        Where the light stands: as the stack says, in the lens, as the highlights say from nothing, or as
+        the stack says and refined from the highlights if it says that it is uncertain.
     parallax : {"auto", "on", "off"}
         Whether views are resampled to follow the depth.
     independent : bool
@@ -57,7 +58,7 @@ class Options:
 
     dictionary: str = "parametric"
     accuracy: str = "normal"
-    light: str = "given"
+    light: str = "auto"
     parallax: str = "auto"
     independent: bool = False
     tolerance: float = 2.0
@@ -121,14 +122,12 @@ def reconstruct(stack: Stack, options: Options | None = None, stages: Stages | N
     with stages.measure("noise and light"):
         stack, light_choice, light_offset = _choose_light(stack, dictionary, options, rng)
         noise = estimate_noise(stack, dictionary, rng)
-    choices = [
-        light_choice,
-        Choice("relative error", f"{noise.relative:.4f}", "median reduced chi-square made 1"),
-    ]
+    effects = [Choice("relative error", f"{noise.relative:.4f}", "median reduced chi-square made 1")]
     surface = stack.pixels == "surface" and not options.independent
     with stages.measure("normals and BRDF"):
         fits = _solve(stack, dictionary, noise, options, None, None)
     depth = np.full(stack.grid.points().shape[:2], np.nan)
+    sigma = depth.copy()
     fitted = stack
     if surface:
         for update in range(ACCURACIES[options.accuracy]):
@@ -137,8 +136,12 @@ def reconstruct(stack: Stack, options: Options | None = None, stages: Stages | N
             with stages.measure("parallax"):
                 if update == 0:
                     follow, choice = _choose_parallax(stack, depth, dictionary, noise, options, rng)
-                    choices.append(choice)
+                    effects.append(choice)
                 fitted = follow_surface(stack, depth) if follow else stack
+            if update == 0 and _light_is_uncertain(stack, options):
+                with stages.measure("noise and light"):
+                    stack, light_choice, light_offset = _refine_light(stack, fitted, depth, dictionary, noise, rng)
+                    fitted = replace(fitted, light_position=stack.light_position)
             with stages.measure("normals and BRDF"):
                 fits = _solve(fitted, dictionary, noise, options, depth, fits.normals)
         with stages.measure("depth"):
@@ -146,9 +149,8 @@ def reconstruct(stack: Stack, options: Options | None = None, stages: Stages | N
             sigma = depth_sigma(fits.normal_sigma.reshape(depth.shape), stack.pixel_pitch, rng)
     else:
         reason = "forced by option" if options.independent else "the stack says that its pixels are independent"
-        choices.append(Choice("depth", "off", reason))
-        sigma = depth.copy()
-    return Reconstruction(fits, depth, sigma, fitted, noise, light_offset, tuple(choices))
+        effects.append(Choice("depth", "off", reason))
+    return Reconstruction(fits, depth, sigma, fitted, noise, light_offset, (light_choice, *effects))
 
 
 def _as_map(values: Array, stack: Stack) -> Array:
@@ -170,36 +172,51 @@ def _solve(
 def _choose_light(
     stack: Stack, dictionary: Dictionary, options: Options, rng: np.random.Generator
 ) -> tuple[Stack, Choice, LightOffset | None]:
-    """Place the light as the options say; estimating takes the stack's own offset as the prior."""
-    if options.light == "given":
+    """Place the light as the options say."""
+    if options.light == "collocated":
+        collocated = replace(stack, light_position=stack.camera_position)
+        return collocated, Choice("light", "collocated", "forced by option"), None
+    if options.light in {"auto", "given"}:
         distance = np.linalg.norm(stack.light_position - stack.camera_position, axis=1)
         text = f"{distance.mean():.2f} mm from the lens, as the stack says"
         return stack, Choice("light", "collocated" if distance.max() < 1e-6 else "offset", text), None
-    if options.light == "collocated":
-        return (
-            replace(stack, light_position=stack.camera_position),
-            Choice("light", "collocated", "forced by option"),
-            None,
-        )
     if stack.camera_rotation is None:
         stack = replace(stack, camera_rotation=looking_at_centre(stack.camera_position))
-    no_prior = stack.light_offset is None or stack.light_offset_sigma is None
-    start = (
-        LightOffset(np.zeros(3), np.full(3, np.inf))
-        if no_prior
-        else LightOffset(np.asarray(stack.light_offset), np.asarray(stack.light_offset_sigma))
-    )
     noise = estimate_noise(stack, dictionary, rng)
-    found = estimate_light_offset(stack, dictionary, noise, start, rng)
-    stack = replace(
+    nowhere = LightOffset(np.zeros(3), np.full(3, np.inf))
+    found = estimate_light_offset(stack, dictionary, noise, nowhere, rng)
+    return _with_light(stack, found), _light_choice(found), found
+
+
+def _light_is_uncertain(stack: Stack, options: Options) -> bool:
+    return options.light == "auto" and stack.camera_rotation is not None and stack.light_offset_sigma is not None
+
+
+def _refine_light(
+    stack: Stack, fitted: Stack, depth: Array, dictionary: Dictionary, noise: Noise, rng: np.random.Generator
+) -> tuple[Stack, Choice, LightOffset]:
+    """Find the light again, now that the relief no longer blurs the highlights."""
+    assert stack.light_offset is not None
+    assert stack.light_offset_sigma is not None
+    # What came before was found on the flat plane; its sigma does not know of the relief.
+    prior = LightOffset(stack.light_offset, np.maximum(stack.light_offset_sigma, 1.0))
+    found = estimate_light_offset(fitted, dictionary, noise, prior, rng, depth)
+    return _with_light(stack, found), _light_choice(found), found
+
+
+def _with_light(stack: Stack, found: LightOffset) -> Stack:
+    return replace(
         stack,
         light_position=light_position(stack, found.value),
         light_offset=found.value,
         light_offset_sigma=found.sigma,
     )
-    x, y = found.value[:2]
-    text = f"highlights put it at ({x:.2f}, {y:.2f}) ± ({found.sigma[0]:.2f}, {found.sigma[1]:.2f}) mm from the lens"
-    return stack, Choice("light", "offset", text), found
+
+
+def _light_choice(found: LightOffset) -> Choice:
+    (x, y), (sigma_x, sigma_y) = found.value[:2], found.sigma[:2]
+    text = f"highlights put it at ({x:.2f}, {y:.2f}) ± ({sigma_x:.2f}, {sigma_y:.2f}) mm from the lens"
+    return Choice("light", "offset", text)
 
 
 def _choose_parallax(

@@ -1,0 +1,77 @@
+"""What commands share: where files go, what they print."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from instrument.validation import InvalidInputError, Problem
+
+
+def check_new(*paths: Path) -> None:
+    """Refuse to write where there is a file already, or where there is no folder, all at once.
+
+    Raises
+    ------
+    InvalidInputError
+    """
+    problems = [Problem(str(path), "exists and is not overwritten; choose another name") for path in paths if path.exists()]
+    problems += [
+        Problem(str(path.parent), f"is no folder; make it first, to write {path.name} there")
+        for path in paths
+        if not path.parent.is_dir()
+    ]
+    if problems:
+        raise InvalidInputError("Nothing was written.", problems)
+
+
+def stage_announcer(quiet: bool) -> Any:
+    """Return what says the name of each stage on standard error as it begins, or nothing."""
+    return None if quiet else lambda name: click.echo(f"  {name} ...", err=True)
+
+
+def table(rows: Sequence[Sequence[str]]) -> str:
+    """Align rows of text in columns: the first to the left, the others to the right."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    lines = (
+        "  ".join(cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True)))
+        for row in rows
+    )
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write `value` as JSON; NaN and infinities become null, since JSON has none."""
+    path.write_text(json.dumps(_finite(value), indent=2) + "\n", encoding="utf-8")
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(v) for key, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def parse_position(text: str, name: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Parse ``"X,Y,Z"`` in mm of the sample frame.
+
+    Raises
+    ------
+    InvalidInputError
+    """
+    try:
+        position = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        position = np.zeros(0)
+    if position.shape != (3,) or not np.all(np.isfinite(position)) or position[2] <= 0:
+        what = f"is {text!r}; must be X,Y,Z in mm of the sample frame with Z above the sample, e.g. 0,0,350"
+        raise InvalidInputError("The position cannot be used.", [Problem(name, what)])
+    return position
