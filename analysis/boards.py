@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.session import Board
+from instrument.records import Board
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def detect_corners(image: NDArray[np.uint8], boards: Sequence[Board]) -> BoardCo
         marker_corners, marker_ids, _ = detector.detectMarkers(image)
         if marker_ids is None or len(marker_ids) == 0:
             continue
-        flat_ids = np.asarray(marker_ids).ravel()
+        flat_ids = np.asarray(marker_ids, np.int32).ravel()
         for index, board in enumerate(boards):
             n_markers = board.squares[0] * board.squares[1] // 2
             ours = (flat_ids >= board.first_id) & (flat_ids < board.first_id + n_markers)
@@ -108,7 +108,7 @@ def detect_corners(image: NDArray[np.uint8], boards: Sequence[Board]) -> BoardCo
 def _board_corners(
     image: NDArray[np.uint8],
     board: Board,
-    marker_corners: list[NDArray[np.float32]],
+    marker_corners: Sequence[cv2.typing.MatLike],
     marker_ids: NDArray[np.int32],
 ) -> tuple[Array, Array]:
     description = charuco_board(board)
@@ -144,7 +144,7 @@ def border_points(
             & (bottom - clearance_mm < yy)
             & (yy < top + clearance_mm)
         )
-    return np.stack([xx, yy, np.zeros_like(xx)], axis=1)[~taken]
+    return np.asarray(np.stack([xx, yy, np.zeros_like(xx)], axis=1)[~taken])
 
 
 def _extent(board: Board) -> tuple[float, float, float, float]:

@@ -134,7 +134,7 @@ def _solve(
         intrinsics_sigma={n: float(s) for n, s in zip(names, np.ravel(sigma_in), strict=False)},
         rotation=np.stack([cv2.Rodrigues(r)[0] for r in rvecs]),
         translation=np.stack([np.ravel(t) for t in tvecs]),
-        position_sigma=np.reshape(sigma_ex, (len(corners), 6))[:, 3:],
+        position_sigma=np.asarray(sigma_ex, np.float64).reshape(len(corners), 6)[:, 3:],
         residuals=residuals,
         rms=float(rms),
         n_outliers=n_outliers,

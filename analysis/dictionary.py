@@ -7,6 +7,7 @@ both narrow highlights and grazing angles are smooth.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -43,8 +44,22 @@ class Atom:
     b: float = 0.0
 
 
+@cache
+def published(name: str) -> NDArray[np.void]:
+    """Return the embedded table of published fits of the 100 MERL materials, one structured row each.
+
+    Parameters
+    ----------
+    name : {"sgd", "abc"}
+        [bagher2012] or [low2012].
+    """
+    text = (files("analysis") / "data" / f"merl_{name}.csv").read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if line and not line.startswith("#")]
+    return np.genfromtxt(StringIO("\n".join(lines)), delimiter=",", names=True, dtype=None, encoding="utf-8")
+
+
 # model -> f(cosines, a, b). Each is reciprocal: the light and the view direction enter alike.
-MODELS = {
+MODELS: dict[str, Callable[[Cosines, float, float], Array]] = {
     "lambert": lambda q, a, b: np.full_like(q.n_dot_h, 1.0 / np.pi),
     "cosine": lambda q, a, b: q.n_dot_h / np.pi,
     "rim": lambda q, a, b: (1.0 - q.n_dot_h) ** 5 / np.pi,
@@ -53,8 +68,8 @@ MODELS = {
     "inverse_square": lambda q, a, b: (q.n_dot_l * q.n_dot_v) ** -1.0 / np.pi,
     "roll_off": models.roll_off,
     "lobe": models.lobe,
-    "sgd": lambda q, a, b: models.sgd(q, published("sgd")[int(a)])[..., int(b)],
-    "abc": lambda q, a, b: models.abc(q, published("abc")[int(a)])[..., int(b)],
+    "sgd": lambda q, a, b: np.asarray(models.sgd(q, published("sgd")[int(a)])[..., int(b)]),
+    "abc": lambda q, a, b: np.asarray(models.abc(q, published("abc")[int(a)])[..., int(b)]),
 }
 
 
@@ -109,20 +124,6 @@ class SliceTable:
         # Around each node over +- half a node in t: the slope that the interpolation between nodes has.
         derivative = np.gradient(value, c, axis=0)
         return cls(value.astype(np.float32), derivative.astype(np.float32), scale)
-
-
-@cache
-def published(name: str) -> NDArray[np.void]:
-    """Return the embedded table of published fits of the 100 MERL materials, one structured row each.
-
-    Parameters
-    ----------
-    name : {"sgd", "abc"}
-        [bagher2012] or [low2012].
-    """
-    text = (files("analysis") / "data" / f"merl_{name}.csv").read_text(encoding="utf-8")
-    lines = [line for line in text.splitlines() if line and not line.startswith("#")]
-    return np.genfromtxt(StringIO("\n".join(lines)), delimiter=",", names=True, dtype=None, encoding="utf-8")
 
 
 @cache

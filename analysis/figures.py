@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 
 Point = tuple[int, int]
 
-_STYLE = {"font.size": 9, "axes.titlesize": 10, "figure.facecolor": "white", "savefig.dpi": 110}
+_STYLE: dict[Any, Any] = {"font.size": 9, "axes.titlesize": 10, "figure.facecolor": "white", "savefig.dpi": 110}
 
 
 def normal_colours(normals: Array) -> Array:

@@ -107,7 +107,14 @@ def merge_bracket(
 
 
 @njit(cache=True, nogil=True, parallel=True, fastmath=True)
-def _merge(counts, exposure_times, dark, trusted, inverse_gain, read_variance):
+def _merge(
+    counts: NDArray[np.uint16],
+    exposure_times: NDArray[np.float32],
+    dark: NDArray[np.float32],
+    trusted: np.float32,
+    inverse_gain: np.float32,
+    read_variance: np.float32,
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
     n_exposures, height, width = counts.shape
     mean = np.empty((height, width), np.float32)
     variance = np.empty((height, width), np.float32)

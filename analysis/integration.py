@@ -106,10 +106,11 @@ def _solve_with_holes(right_side: Array, w_x: Array, w_y: Array, eigenvalues: Ar
 
     def matrix(z: Array) -> Array:
         z = z.reshape(shape)
-        return (_transposed_differences(w_x * np.diff(z, axis=1), w_y * np.diff(z, axis=0)) + whisper * z).ravel()
+        differences = _transposed_differences(w_x * np.diff(z, axis=1), w_y * np.diff(z, axis=0))
+        return np.asarray((differences + whisper * z).ravel())
 
     def preconditioner(r: Array) -> Array:
-        return _solve_poisson(r.reshape(shape), eigenvalues).ravel() + r.mean()
+        return np.asarray(_solve_poisson(r.reshape(shape), eigenvalues).ravel() + r.mean())
 
     size = right_side.size
     solution, _ = cg(

@@ -25,6 +25,11 @@ N_PIXELS = 500
 _CURVATURE_STEP_MM = 0.5
 _BLOCKS = 6
 
+FEW_VIEWS = 15
+"""Below, single pixels cannot tell an offset of the light from a tilt of their normal; the area as a whole can."""
+
+_POOLED_BLOCKS, _KNOTS = 32, 8
+
 
 @dataclass(frozen=True, slots=True)
 class LightOffset:
@@ -111,10 +116,84 @@ def estimate_light_offset(
 
     reach = np.where(np.isfinite(start.sigma[:2]), np.minimum(start.sigma[:2], 4.0), 4.0)
     simplex = start.value[:2] + np.array([[0.0, 0.0], [reach[0], 0.0], [0.0, reach[1]]])
-    options = {"initial_simplex": simplex, "xatol": 0.02, "fatol": 0.1, "maxfev": 60}
-    found = minimize(loss, start.value[:2], method="Nelder-Mead", options=options)
+    found = minimize(
+        loss,
+        start.value[:2],
+        method="Nelder-Mead",
+        options={"initial_simplex": simplex, "xatol": 0.02, "fatol": 0.1, "maxfev": 60},
+    )
     sigma = np.array([*_sigma_at(losses, found.x, _blocks(stack, problem.pixels)), start.sigma[2]])
     return LightOffset(np.array([*found.x, start.value[2]]), sigma)
+
+
+def pooled_light_offset(stack: Stack) -> LightOffset:
+    """Find the offset from all highlights together, taking the sample as flat and of one gloss.
+
+    With too few views for normals of single pixels, averages over blocks still show where the highlight
+    stands. With log I_vb + log(d^2 / cos theta_i) = s_b + g(theta_h), a whiteness for each block b and one
+    curve g (piecewise linear in t = sqrt(1 - cos theta_h)), the true offset leaves the least residual.
+
+    Parameters
+    ----------
+    stack : Stack
+        With `camera_rotation`.
+    """
+    brightness, points, block = _block_medians(stack)
+
+    def losses(lateral: Array) -> Array:
+        r = _pooled_residual(stack, brightness, points, np.array([*lateral, 0.0]))
+        return np.asarray(0.5 * np.sum((r / noise) ** 2, axis=0))
+
+    def loss(lateral: Array) -> float:
+        return float(np.mean(_pooled_residual(stack, brightness, points, np.array([*lateral, 0.0])) ** 2))
+
+    found = []
+    for start in 12.0 * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]):
+        options = {"initial_simplex": start + 4.0 * np.array([[0, 0], [1, 0], [0, 1]]), "xatol": 0.02}
+        found.append(minimize(loss, start, method="Nelder-Mead", options=options))
+    best = min(found, key=lambda f: float(f.fun))
+    noise = np.sqrt(best.fun)
+    return LightOffset(np.array([*best.x, 0.0]), np.array([*_sigma_at(losses, best.x, block), np.inf]))
+
+
+def _block_medians(stack: Stack) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Cut the area into about `_POOLED_BLOCKS` a side: brightness (N, B), centres (B, 3) and coarse block numbers."""
+    n, height, width, _ = stack.radiance.shape
+    size = max(min(height, width) // _POOLED_BLOCKS, 1)
+    rows, columns = height // size, width // size
+    cut = stack.radiance[:, : rows * size, : columns * size].mean(axis=-1)
+    tiles = cut.reshape(n, rows, size, columns, size).transpose(0, 1, 3, 2, 4).reshape(n, rows * columns, -1)
+    centres = stack.grid.points()[: rows * size, : columns * size]
+    centres = centres.reshape(rows, size, columns, size, 3).mean(axis=(1, 3)).reshape(-1, 3)
+    seen = np.isfinite(tiles).all(axis=(0, 2))
+    i, j = np.divmod(np.flatnonzero(seen), columns)
+    coarse = i * _BLOCKS // rows * _BLOCKS + j * _BLOCKS // columns
+    return np.median(tiles[:, seen], axis=-1), centres[seen], coarse
+
+
+def _pooled_residual(stack: Stack, brightness: Array, points: Array, offset: Array) -> Array:
+    """Residual of log brightness after the best whiteness per block and the best curve, Huber's weights applied."""
+    to_light = light_position(stack, offset)[:, None] - points
+    to_camera = stack.camera_position[:, None] - points
+    d2 = np.sum(to_light**2, axis=-1)
+    omega_i = to_light / np.sqrt(d2)[..., None]
+    h = omega_i + to_camera / np.linalg.norm(to_camera, axis=-1, keepdims=True)
+    t = np.sqrt(np.maximum(1.0 - h[..., 2] / np.linalg.norm(h, axis=-1), 0.0))
+    floor = 1e-3 * np.median(brightness)
+    y = np.log(np.maximum(brightness, floor) * d2 / omega_i[..., 2] / stack.light_power[:, None])
+    knots = np.quantile(t, np.linspace(0.0, 1.0, _KNOTS))
+    hats = np.stack([np.interp(t, knots, hat) for hat in np.eye(_KNOTS)], axis=-1)
+    # Taking off each block's mean over the views leaves the curve alone to be fitted.
+    y = y - y.mean(axis=0)
+    A = (hats - hats.mean(axis=0)).reshape(-1, _KNOTS)
+    weight = np.ones(y.size)
+    r = y.ravel()
+    for _ in range(4):
+        normal = A.T @ (A * weight[:, None]) + 1e-6 * y.size * np.eye(_KNOTS)
+        r = y.ravel() - A @ np.linalg.solve(normal, A.T @ (weight * y.ravel()))
+        scale = max(1.4826 * float(np.median(np.abs(r))), 1e-9)
+        weight = 1.0 / np.maximum(np.abs(r) / (2.0 * scale), 1.0)
+    return np.asarray((np.sqrt(weight) * r).reshape(y.shape))
 
 
 def _highlight_contrast(problem: PixelProblem) -> Array:
@@ -126,7 +205,7 @@ def _highlight_contrast(problem: PixelProblem) -> Array:
 
 
 def _blocks(stack: Stack, pixels: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Number of the square of the area, `_BLOCKS` a side, that each pixel lies in."""
+    """Return the number of the square of the area, `_BLOCKS` a side, that each pixel lies in."""
     rows, columns = np.divmod(pixels, stack.grid.width)
     return np.asarray(rows * _BLOCKS // stack.grid.height * _BLOCKS + columns * _BLOCKS // stack.grid.width)
 

@@ -10,13 +10,19 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
+Indices = NDArray[np.int64]
+Work = tuple[Array, Array, Array, Array, Array, Array, Array32, Array32]
 
 MAX_ATOMS = 6
 """Most atoms that one channel of one pixel may use; more never paid (docs/decisions/0004)."""
 
 
 @njit(cache=True, nogil=True)
-def _cholesky_solve(G, b, m, x, L):
+def _cholesky_solve(G: Array, b: Array, m: int, x: Array, L: Array) -> bool:
     """Solve G x = b for the leading m by m block; False if it is not positive definite."""
     for i in range(m):
         for j in range(i + 1):
@@ -37,7 +43,7 @@ def _cholesky_solve(G, b, m, x, L):
 
 
 @njit(cache=True, nogil=True)
-def solve_factored(L, b, m, x):
+def solve_factored(L: Array, b: Array, m: int, x: Array) -> None:
     """Solve L L^T x = b."""
     for i in range(m):
         total = b[i]
@@ -52,7 +58,9 @@ def solve_factored(L, b, m, x):
 
 
 @njit(cache=True, nogil=True)
-def _gather(phi, w, y, k, slot, active, columns, G, b):
+def _gather(
+    phi: Array32, w: Array, y: Array, k: int, slot: int, active: Indices, columns: Array, G: Array, b: Array
+) -> None:
     """Put atom k into `slot`: its column, its row of the Gram matrix, its right-hand side."""
     n_views = phi.shape[0]
     active[slot] = k
@@ -70,7 +78,7 @@ def _gather(phi, w, y, k, slot, active, columns, G, b):
 
 
 @njit(cache=True, nogil=True)
-def _drop(slot, m, active, a, columns, G, b):
+def _drop(slot: int, m: int, active: Indices, a: Array, columns: Array, G: Array, b: Array) -> None:
     """Take the atom in `slot` out of the first m."""
     for j in range(slot, m - 1):
         active[j] = active[j + 1]
@@ -84,7 +92,7 @@ def _drop(slot, m, active, a, columns, G, b):
 
 
 @njit(cache=True, nogil=True)
-def _solve_active(m, active, a, columns, G, b, L, x):
+def _solve_active(m: int, active: Indices, a: Array, columns: Array, G: Array, b: Array, L: Array, x: Array) -> int:
     """Least squares on the active atoms, those that turn negative dropped [lawson1974, ch. 23]; returns m."""
     while m > 0:
         if not _cholesky_solve(G, b, m, x, L):
@@ -109,7 +117,7 @@ def _solve_active(m, active, a, columns, G, b, L, x):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _correlations(phi, w, r, g, d):
+def _correlations(phi: Array32, w: Array, r: Array, g: Array32, d: Array32) -> None:
     """g_k = sum_v w r phi_k and d_k = sum_v w phi_k^2 for all atoms."""
     n_views, n_atoms = phi.shape
     g[:] = 0.0
@@ -124,8 +132,10 @@ def _correlations(phi, w, r, g, d):
 
 
 @njit(cache=True, nogil=True)
-def nnls(phi, w, y, tolerance, m, active, a, work):
-    """Weighted non-negative least squares with at most `MAX_ATOMS` atoms, each of which must pay.
+def nnls(
+    phi: Array32, w: Array, y: Array, tolerance: float, most: int, m: int, active: Indices, a: Array, work: Work
+) -> int:
+    """Weighted non-negative least squares with at most `most` atoms, each of which must pay.
 
     Minimises sum_v w_v (y_v - sum_k a_k phi_vk)^2 over a >= 0 by the active-set method in Gram form
     [lawson1974], adding the atom that lowers the sum most while that is more than `tolerance`.
@@ -136,6 +146,8 @@ def nnls(phi, w, y, tolerance, m, active, a, work):
     w, y : ndarray, shape (n_views,)
     tolerance : float
         Smallest gain in the weighted sum of squares for which an atom is added.
+    most : int
+        At most `MAX_ATOMS`.
     m, active, a : int and ndarrays of shape (MAX_ATOMS,)
         A warm start, updated in place: the number of active atoms, their indices and coefficients.
     work : tuple of ndarray
@@ -158,7 +170,7 @@ def nnls(phi, w, y, tolerance, m, active, a, work):
             for j in range(m):
                 fit += a[j] * columns[j, v]
             r[v] = y[v] - fit
-        if m == MAX_ATOMS:
+        if m >= most:
             break
         _correlations(phi, w, r, g, d)
         best, gain = -1, tolerance
@@ -187,7 +199,7 @@ def nnls(phi, w, y, tolerance, m, active, a, work):
 
 
 @njit(cache=True, nogil=True)
-def _residual(columns, a, m, y, r):
+def _residual(columns: Array, a: Array, m: int, y: Array, r: Array) -> None:
     for v in range(y.shape[0]):
         fit = 0.0
         for j in range(m):
@@ -196,7 +208,7 @@ def _residual(columns, a, m, y, r):
 
 
 @njit(cache=True, nogil=True)
-def nnls_work(n_views, n_atoms):
+def nnls_work(n_views: int, n_atoms: int) -> Work:
     """Allocate the scratch arrays of `nnls`."""
     return (
         np.zeros((MAX_ATOMS, n_views)),

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from analysis.stack import Stack
 
 Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
+Mask = NDArray[np.uint8]
 
 _CLIPPED_SHARE = 0.02  # a clipped sample of less weight leaves the value a value
 
@@ -81,7 +83,7 @@ def follow_surface(stack: Stack, depth: Array) -> Stack:
 
 
 @njit(cache=True, nogil=True)
-def _catmull_rom(f, w):
+def _catmull_rom(f: float, w: Array) -> None:
     """Weights of the samples at -1, 0, 1, 2 for a point at 0 <= f < 1 [keys1981, a = -1/2]."""
     w[0] = f * (-0.5 + f * (1.0 - 0.5 * f))
     w[1] = 1.0 + f * f * (-2.5 + 1.5 * f)
@@ -90,7 +92,15 @@ def _catmull_rom(f, w):
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def _resample(radiance, variance, saturated, shift, out_radiance, out_variance, out_saturated):
+def _resample(
+    radiance: Array32,
+    variance: Array32,
+    saturated: Mask,
+    shift: Array,
+    out_radiance: Array32,
+    out_variance: Array32,
+    out_saturated: Mask,
+) -> None:
     n_views, height, width, n_channels = radiance.shape
     for task in prange(n_views * height):
         v, i = task // height, task % height

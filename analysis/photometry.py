@@ -162,7 +162,7 @@ def _robust_ridge(A: Array, y: Array, sigma: Array) -> tuple[Array, Array]:
     residual = y
     for _ in range(_ROUNDS):
         normal = A.T @ (A * weight[:, None]) / noise**2 + np.diag(prior)
-        x = np.linalg.solve(normal + 1e-9 * np.eye(len(x)), A.T @ (weight * y) / noise**2)
+        x[:] = np.linalg.solve(normal + 1e-9 * np.eye(len(x)), A.T @ (weight * y) / noise**2)
         residual = y - A @ x
         noise = max(1.4826 * float(np.median(np.abs(residual))), 1e-6)
         weight = 1.0 / np.maximum(np.abs(residual) / (_HUBER * noise), 1.0)

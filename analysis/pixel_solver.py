@@ -22,7 +22,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from analysis.nnls import MAX_ATOMS, nnls, nnls_work, solve_factored
+from analysis.nnls import MAX_ATOMS, Work, nnls, nnls_work, solve_factored
+
+Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
 
 MIN_VIEWS = 4
 """Fewest valid views: two unknowns of the normal, one of the albedo, one to spare."""
@@ -32,6 +35,11 @@ TOO_FEW_VIEWS, BLACK, CLIPPED, NOT_CONVERGED, POOR_FIT = 1, 2, 4, 8, 16
 
 _OUTLIER = 9.0  # a view's weight is halved where its chi-square is 9 times the expected: 3 sigma
 _START_STEPS, _STEPS, _STAGES = 4, 10, 2
+NEAR_PLANAR = math.radians(20.0)
+"""Prior of a normal's tilt from the plane of the sample, one sigma: near-planar samples are what this is for.
+It decides where the samples do not (few views, no highlight) and moves a normal known to 0.1 deg by 0.00003 of
+its tilt."""
+
 _PEAK = 3.0
 # Atoms narrower than the smallest half angle seen would grow without bound: the curve at theta_h = 0 is
 # held to this many times the brightest sample, one sigma. A peak that was seen hardly feels it.
@@ -95,7 +103,7 @@ class _Pixel(NamedTuple):
     model: NDArray[np.float64]  # [C, N]
     sigma2: NDArray[np.float64]  # [C, N]
     weight: NDArray[np.float64]  # [C, N]
-    count: NDArray[np.int64]  # [C]
+    n_active: NDArray[np.int64]  # [C]
     active: NDArray[np.int64]  # [C, MAX_ATOMS]
     a: NDArray[np.float64]  # [C, MAX_ATOMS]
     J: NDArray[np.float64]  # [2, N]
@@ -103,7 +111,16 @@ class _Pixel(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def solve_pixels(samples, geometry, settings, table, derivative, first, last, out):
+def solve_pixels(
+    samples: Samples,
+    geometry: Geometry,
+    settings: Settings,
+    table: Array32,
+    derivative: Array32,
+    first: int,
+    last: int,
+    out: Solution,
+) -> None:
     """Solve pixels `first` to `last` - 1 (see the module's docstring), writing into `out`.
 
     Parameters
@@ -160,7 +177,7 @@ def solve_pixels(samples, geometry, settings, table, derivative, first, last, ou
 
 
 @njit(cache=True, nogil=True)
-def _allocate(n_views, n_channels, n_atoms):
+def _allocate(n_views: int, n_channels: int, n_atoms: int) -> _Pixel:
     return _Pixel(
         np.zeros((n_channels, n_views)),
         np.zeros((n_channels, n_views)),
@@ -184,14 +201,14 @@ def _allocate(n_views, n_channels, n_atoms):
 
 
 @njit(cache=True, nogil=True)
-def _copy_fit(source, target):
-    target.count[:] = source.count
+def _copy_fit(source: _Pixel, target: _Pixel) -> None:
+    target.n_active[:] = source.n_active
     target.active[:] = source.active
     target.a[:] = source.a
 
 
 @njit(cache=True, nogil=True)
-def _load(samples, geometry, settings, p, px):
+def _load(samples: Samples, geometry: Geometry, settings: Settings, p: int, px: _Pixel) -> None:
     """Directions of pixel `p`, its radiances freed of power and fall-off, and their variances."""
     n_channels, n_views = px.y.shape
     x = geometry.point[p]
@@ -218,11 +235,11 @@ def _load(samples, geometry, settings, p, px):
             else:
                 px.y[ch, v] = 0.0
                 px.base[ch, v] = np.inf
-    px.count[:] = 0
+    px.n_active[:] = 0
 
 
 @njit(cache=True, nogil=True)
-def _usable(px):
+def _usable(px: _Pixel) -> int:
     """Return the flags that can be told before solving."""
     n_channels, n_views = px.y.shape
     seen, bright, clipped = 0, 0, 0
@@ -247,7 +264,7 @@ def _usable(px):
 
 
 @njit(cache=True, nogil=True)
-def _weigh(px, settings, from_model, kappa):
+def _weigh(px: _Pixel, settings: Settings, from_model: bool, kappa: float) -> None:
     """Variances and weights of the samples; those of a clipped one hold while the model stays below it."""
     n_channels, n_views = px.y.shape
     for ch in range(n_channels):
@@ -272,7 +289,7 @@ def _weigh(px, settings, from_model, kappa):
 
 
 @njit(cache=True, nogil=True)
-def _chi2_of_views(px):
+def _chi2_of_views(px: _Pixel) -> None:
     """Mean over the channels of the squared residual over its variance; none where a bound is kept."""
     n_channels, n_views = px.y.shape
     for v in range(n_views):
@@ -288,17 +305,17 @@ def _chi2_of_views(px):
 
 
 @njit(cache=True, nogil=True)
-def _median_chi2(px):
+def _median_chi2(px: _Pixel) -> float:
     _chi2_of_views(px)
     # The median of chi-square with one degree of freedom is 0.455; with three 0.789 of the mean.
-    return np.median(px.chi2) / 0.6
+    return float(np.median(px.chi2)) / 0.6
 
 
 @njit(cache=True, nogil=True)
-def _cost(px, settings, kappa):
+def _cost(px: _Pixel, settings: Settings, normal: Array, kappa: float) -> float:
     """Cauchy's loss of the views, kappa log(1 + chi^2 / kappa), or plain chi-square."""
     _chi2_of_views(px)
-    total = 0.0
+    total = 2.0 * (1.0 - normal[2]) / NEAR_PLANAR**2 / px.y.shape[0]
     for v in range(px.chi2.shape[0]):
         robust = settings.robust and math.isfinite(kappa)
         total += kappa * math.log1p(px.chi2[v] / kappa) if robust else px.chi2[v]
@@ -306,7 +323,7 @@ def _cost(px, settings, kappa):
 
 
 @njit(cache=True, nogil=True)
-def _start(kind, px, normal):
+def _start(kind: int, px: _Pixel, normal: Array) -> bool:
     """Write a normal to start from: trimmed Lambert, centroid of the highlight, flat; False if there is none."""
     if kind == 0:
         return _start_trimmed(px, normal)
@@ -318,7 +335,7 @@ def _start(kind, px, normal):
 
 
 @njit(cache=True, nogil=True)
-def _normalise(normal):
+def _normalise(normal: Array) -> bool:
     norm = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
     if not norm > 0.0 or normal[2] < 0.1 * norm:
         return False
@@ -327,7 +344,7 @@ def _normalise(normal):
 
 
 @njit(cache=True, nogil=True)
-def _brightness(px, v):
+def _brightness(px: _Pixel, v: int) -> float:
     """Sum over the channels of a view's samples; negative where there is none."""
     total, seen = 0.0, 0
     for ch in range(px.y.shape[0]):
@@ -338,7 +355,7 @@ def _brightness(px, v):
 
 
 @njit(cache=True, nogil=True)
-def _start_trimmed(px, normal):
+def _start_trimmed(px: _Pixel, normal: Array) -> bool:
     """Least-squares Lambert on the views whose residual is not among the largest, three rounds."""
     n_views = px.light.shape[0]
     use = np.zeros(n_views)
@@ -358,7 +375,7 @@ def _start_trimmed(px, normal):
                         A[i, j] += px.light[v, i] * px.light[v, j]
         for i in range(3):
             A[i, i] += 1e-9 * (A[0, 0] + A[1, 1] + A[2, 2]) + 1e-30
-        g = np.linalg.solve(A, b)
+        g[:] = np.linalg.solve(A, b)
         for v in range(n_views):
             fit = px.light[v, 0] * g[0] + px.light[v, 1] * g[1] + px.light[v, 2] * g[2]
             y = _brightness(px, v)
@@ -374,7 +391,7 @@ def _start_trimmed(px, normal):
 
 
 @njit(cache=True, nogil=True)
-def _start_highlight(px, normal):
+def _start_highlight(px: _Pixel, normal: Array) -> bool:
     """Mean half vector, weighed by the fourth power of brightness so that the peak decides."""
     normal[:] = 0.0
     peak = 0.0
@@ -390,7 +407,7 @@ def _start_highlight(px, normal):
 
 
 @njit(cache=True, nogil=True)
-def _lookup(c, n_nodes):
+def _lookup(c: float, n_nodes: int) -> tuple[int, float]:
     """Node below t = sqrt(1 - c) and the fraction beyond it."""
     x = math.sqrt(max(1.0 - c, 0.0)) * (n_nodes - 1)
     i = min(int(x), n_nodes - 2)
@@ -398,7 +415,7 @@ def _lookup(c, n_nodes):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _fill_atoms(n, px, table):
+def _fill_atoms(n: Array, px: _Pixel, table: Array32) -> None:
     """phi[v, k] = phi_k(c_v) s_v of every atom; zero where the surface faces away."""
     n_views, n_atoms = px.half.shape[0], px.phi.shape[1]
     for k in range(n_atoms):
@@ -418,40 +435,43 @@ def _fill_atoms(n, px, table):
 
 
 @njit(cache=True, nogil=True)
-def _fit_channel(px, settings, work, ch):
+def _fit_channel(px: _Pixel, settings: Settings, work: Work, ch: int) -> None:
     """Coefficients of one channel at the atoms in `px.phi`, from the last ones; fills the model."""
-    w = px.weight[ch]
-    n_views = w.shape[0]
-    brightest = 0.0
+    n_views = px.target.shape[0] - 1
+    brightest, n_values = 0.0, 0
     for v in range(n_views):
-        # A bound that the last model kept says nothing; one that it missed pulls like a value.
-        if px.clipped[ch, v] and px.model[ch, v] > px.y[ch, v]:
-            w[v] = 0.0
         px.target[v] = px.y[ch, v]
-        px.pull[v] = w[v]
-        if w[v] > 0.0:
+        # A bound that the last model kept says nothing; one that it missed pulls like a value.
+        kept = px.clipped[ch, v] and px.model[ch, v] > px.y[ch, v]
+        px.pull[v] = 0.0 if kept else px.weight[ch, v]
+        if px.pull[v] > 0.0:
             brightest = max(brightest, px.y[ch, v])
+            n_values += 1
     px.pull[n_views] = 1.0 / (_PEAK * brightest) ** 2 if brightest > 0.0 else 0.0
-    px.count[ch] = nnls(px.phi, px.pull, px.target, settings.tolerance, px.count[ch], px.active[ch], px.a[ch], work)
+    # With few views a curve of many atoms would pass through every sample, whatever the normal.
+    most = min(max((n_values - 2) // 2, 1), MAX_ATOMS)
+    px.n_active[ch] = nnls(
+        px.phi, px.pull, px.target, settings.tolerance, most, min(px.n_active[ch], most), px.active[ch], px.a[ch], work
+    )
     columns = work[0]
-    for v in range(w.shape[0]):
+    for v in range(n_views):
         fit = 0.0
-        for j in range(px.count[ch]):
+        for j in range(px.n_active[ch]):
             fit += px.a[ch, j] * columns[j, v]
         px.model[ch, v] = fit
 
 
 @njit(cache=True, nogil=True)
-def _evaluate(px, settings, table, work, normal, kappa):
+def _evaluate(px: _Pixel, settings: Settings, table: Array32, work: Work, normal: Array, kappa: float) -> float:
     """Cost at `normal`, coefficients refitted."""
     _fill_atoms(normal, px, table)
     for ch in range(px.y.shape[0]):
         _fit_channel(px, settings, work, ch)
-    return _cost(px, settings, kappa)
+    return _cost(px, settings, normal, kappa)
 
 
 @njit(cache=True, nogil=True)
-def _tangents(normal, t1, t2):
+def _tangents(normal: Array, t1: Array, t2: Array) -> None:
     """Two unit vectors that span the tangent plane."""
     # Crossing with the axis of the smallest component keeps away from a vanishing product.
     if abs(normal[0]) <= abs(normal[1]):
@@ -465,7 +485,18 @@ def _tangents(normal, t1, t2):
 
 
 @njit(cache=True, nogil=True)
-def _normal_equations(px, settings, table, derivative, work, normal, t1, t2, H, gradient):
+def _normal_equations(
+    px: _Pixel,
+    settings: Settings,
+    table: Array32,
+    derivative: Array32,
+    work: Work,
+    normal: Array,
+    t1: Array,
+    t2: Array,
+    H: Array,
+    gradient: Array,
+) -> None:
     """H = J^T W J and gradient J^T W r of the tangent parameters, J projected off the active atoms."""
     columns, L = work[0], work[3]
     n_channels, n_views = px.y.shape
@@ -473,11 +504,14 @@ def _normal_equations(px, settings, table, derivative, work, normal, t1, t2, H, 
     gradient[:] = 0.0
     B = np.empty((2, MAX_ATOMS))
     X = np.empty((2, MAX_ATOMS))
+    for e in range(2):
+        H[e, e] = 1.0 / NEAR_PLANAR**2
+        gradient[e] = (t1[2] if e == 0 else t2[2]) / NEAR_PLANAR**2
     _fill_atoms(normal, px, table)
     for ch in range(n_channels):
         _fit_channel(px, settings, work, ch)
-        m = px.count[ch]
-        w = px.weight[ch]
+        m = px.n_active[ch]
+        w = px.pull
         for v in range(n_views):
             i, f = _lookup(px.cosine_h[v], table.shape[0])
             value, slope = 0.0, 0.0
@@ -508,17 +542,27 @@ def _normal_equations(px, settings, table, derivative, work, normal, t1, t2, H, 
 
 
 @njit(cache=True, nogil=True)
-def _refine(px, settings, table, derivative, work, normal, H, kappa, n_steps):
+def _refine(
+    px: _Pixel,
+    settings: Settings,
+    table: Array32,
+    derivative: Array32,
+    work: Work,
+    normal: Array,
+    H: Array,
+    kappa: float,
+    n_steps: int,
+) -> tuple[float, bool]:
     """Levenberg-Marquardt on the tangent parameters; returns the cost and whether it converged."""
     t1, t2, gradient, trial = np.empty(3), np.empty(3), np.empty(2), np.empty(3)
-    saved_count, saved_active, saved_a = px.count.copy(), px.active.copy(), px.a.copy()
+    saved_n, saved_active, saved_a = px.n_active.copy(), px.active.copy(), px.a.copy()
     cost = _evaluate(px, settings, table, work, normal, kappa)
     damping = 1e-3
     converged = False
     for _ in range(n_steps):
         _tangents(normal, t1, t2)
         _normal_equations(px, settings, table, derivative, work, normal, t1, t2, H, gradient)
-        saved_count[:], saved_active[:], saved_a[:] = px.count, px.active, px.a
+        saved_n[:], saved_active[:], saved_a[:] = px.n_active, px.active, px.a
         accepted, shortest = False, False
         for _ in range(4):
             h00, h11 = H[0, 0] * (1.0 + damping), H[1, 1] * (1.0 + damping)
@@ -543,7 +587,7 @@ def _refine(px, settings, table, derivative, work, normal, H, kappa, n_steps):
                     normal[:] = trial
                     damping = max(0.2 * damping, 1e-7)
                     break
-            px.count[:], px.active[:], px.a[:] = saved_count, saved_active, saved_a
+            px.n_active[:], px.active[:], px.a[:] = saved_n, saved_active, saved_a
             damping *= 8.0
             if shortest:
                 break
@@ -556,7 +600,7 @@ def _refine(px, settings, table, derivative, work, normal, H, kappa, n_steps):
 
 
 @njit(cache=True, nogil=True)
-def _write_unsolved(p, flags, out):
+def _write_unsolved(p: int, flags: int, out: Solution) -> None:
     out.normal[p] = np.nan
     out.covariance[p] = np.nan
     out.reduced_chi2[p] = np.nan
@@ -567,7 +611,7 @@ def _write_unsolved(p, flags, out):
 
 
 @njit(cache=True, nogil=True)
-def _write(p, flags, px, normal, H, out):
+def _write(p: int, flags: int, px: _Pixel, normal: Array, H: Array, out: Solution) -> None:
     """Write normal, covariance H^-1 (widened where the fit is worse than the noise) and coefficients."""
     n_channels, n_views = px.y.shape
     _chi2_of_views(px)
@@ -576,7 +620,8 @@ def _write(p, flags, px, normal, H, out):
     for v in range(n_views):
         seen = False
         for ch in range(n_channels):
-            if px.weight[ch, v] > 0.0:
+            kept = px.clipped[ch, v] and px.model[ch, v] > px.y[ch, v]
+            if px.weight[ch, v] > 0.0 and not kept:
                 r = px.y[ch, v] - px.model[ch, v]
                 total += r * r / px.sigma2[ch, v]
                 robust_total += r * r * px.weight[ch, v]
@@ -586,9 +631,9 @@ def _write(p, flags, px, normal, H, out):
             low = min(low, px.cosine_h[v])
             high = max(high, px.cosine_h[v])
     for ch in range(n_channels):
-        n_unknowns += px.count[ch]
+        n_unknowns += px.n_active[ch]
         for j in range(MAX_ATOMS):
-            used = j < px.count[ch]
+            used = j < px.n_active[ch]
             out.atom[p, ch, j] = px.active[ch, j] if used else -1
             out.coefficient[p, ch, j] = px.a[ch, j] if used else 0.0
     dof = max(n_samples - n_unknowns, 1)

@@ -14,7 +14,14 @@ from analysis.dictionary import Dictionary
 from analysis.fitting import Noise, PixelFits, PixelProblem, estimate_noise, sample_pixels
 from analysis.identifiability import view_problems
 from analysis.integration import depth_sigma, integrate_normals
-from analysis.light_calibration import LightOffset, estimate_light_offset, light_position, looking_at_centre
+from analysis.light_calibration import (
+    FEW_VIEWS,
+    LightOffset,
+    estimate_light_offset,
+    light_position,
+    looking_at_centre,
+    pooled_light_offset,
+)
 from analysis.parallax import follow_surface, parallax_shift
 from analysis.stack import Stack
 from analysis.stages import Stages
@@ -182,9 +189,10 @@ def _choose_light(
         return stack, Choice("light", "collocated" if distance.max() < 1e-6 else "offset", text), None
     if stack.camera_rotation is None:
         stack = replace(stack, camera_rotation=looking_at_centre(stack.camera_position))
-    noise = estimate_noise(stack, dictionary, rng)
-    nowhere = LightOffset(np.zeros(3), np.full(3, np.inf))
-    found = estimate_light_offset(stack, dictionary, noise, nowhere, rng)
+    found = pooled_light_offset(stack)
+    if stack.n_views >= FEW_VIEWS:
+        noise = estimate_noise(_with_light(stack, found), dictionary, rng)
+        found = estimate_light_offset(stack, dictionary, noise, LightOffset(found.value, np.full(3, np.inf)), rng)
     return _with_light(stack, found), _light_choice(found), found
 
 

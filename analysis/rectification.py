@@ -16,6 +16,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
 
 SENSOR_SIGMA_PX = 0.75
 """Least footprint: a colour that fills one pixel in four needs this much to be interpolated smoothly."""
@@ -135,12 +136,22 @@ def rectify(
     along_x = view.project(points + right) - view.project(points - right)
     along_y = view.project(points + up) - view.project(points - up)
     cell = channel_of_cell(bayer_pattern)
-    out = _gather(mean, variance, saturated, cell, int(cell.max()) + 1, pixels, along_x, along_y)
-    return Rectified(*out, pixels)
+    n_channels = int(cell.max()) + 1
+    radiance, noise, clipped = _gather(mean, variance, saturated, cell, n_channels, pixels, along_x, along_y)
+    return Rectified(radiance, noise, clipped, pixels)
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def _gather(mean, variance, saturated, cell, n_channels, pixels, along_x, along_y):
+def _gather(
+    mean: Array32,
+    variance: Array32,
+    saturated: NDArray[np.bool_],
+    cell: NDArray[np.int64],
+    n_channels: int,
+    pixels: Array,
+    along_x: Array,
+    along_y: Array,
+) -> tuple[Array32, Array32, NDArray[np.uint8]]:
     rows, columns = pixels.shape[:2]
     height, width = mean.shape
     radiance = np.full((rows, columns, n_channels), np.nan, np.float32)
@@ -191,7 +202,7 @@ def _gather(mean, variance, saturated, cell, n_channels, pixels, along_x, along_
 
 
 @njit(cache=True, nogil=True)
-def _first_row_of_inverse(m, out):
+def _first_row_of_inverse(m: Array, out: Array) -> None:
     """First row of the inverse of [[m0 m1 m2], [m1 m3 m4], [m2 m4 m5]]: the fitted plane's value at the centre."""
     c0 = m[3] * m[5] - m[4] * m[4]
     c1 = m[2] * m[4] - m[1] * m[5]

@@ -218,7 +218,7 @@ def _white_points(
         ratio = brightness / np.nanmedian(brightness[:, ~on_border], axis=1, keepdims=True)
         typical = np.nanmedian(ratio, axis=0)
         white_border = on_border & (typical > 0.85) & (typical < 1.5)
-    return white_border if white_border.sum() >= _ENOUGH_BORDER else ~on_border
+    return np.asarray(white_border if white_border.sum() >= _ENOUGH_BORDER else ~on_border)
 
 
 def _scaled(view: Rectified, gain: Array) -> Rectified:

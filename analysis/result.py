@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
@@ -24,6 +24,7 @@ from analysis.stages import Stage
 from instrument.validation import InvalidInputError, Problem, raise_if_any
 
 Array = NDArray[np.float64]
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 SCHEMA = "1.0"
 
@@ -66,7 +67,7 @@ class Result:
     stages: list[dict[str, float | str]]
     summary: dict[str, Any]
 
-    def as_map(self, values: Array) -> Array:
+    def as_map(self, values: NDArray[Scalar]) -> NDArray[Scalar]:
         """Give per-pixel values the shape of the area."""
         return values.reshape(self.grid.height, self.grid.width, *values.shape[1:])
 

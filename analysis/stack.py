@@ -21,6 +21,9 @@ from instrument.validation import InvalidInputError, Problem, raise_if_any
 Array = NDArray[np.float64]
 
 SCHEMA = "1.0"
+NOTES = ("calibration", "session_digest")
+"""Texts that travel with a stack: the calibration's figures (JSON) and the digest of the session."""
+
 MAX_BYTES = 48 * 2**30
 """Largest radiance that is read: a size beyond it is a damaged or hostile file, not a capture."""
 
@@ -66,6 +69,8 @@ class Stack:
     light_offset, light_offset_sigma : ndarray, shape (3,), or None
         Of the light from the lens in the camera frame, mm, with one standard deviation.
     truth : Truth or None
+    notes : dict
+        Texts by the names in `NOTES`.
     """
 
     radiance: NDArray[np.float32]
@@ -94,16 +99,16 @@ class Stack:
 
     def with_views(self, views: NDArray[np.int64]) -> Stack:
         """Return the stack of these views only."""
-        pick = lambda a: None if a is None else a[views]  # noqa: E731
+        variance, saturated, rotation = self.variance, self.saturated, self.camera_rotation
         return replace(
             self,
             radiance=self.radiance[views],
             camera_position=self.camera_position[views],
             light_position=self.light_position[views],
             light_power=self.light_power[views],
-            variance=pick(self.variance),
-            saturated=pick(self.saturated),
-            camera_rotation=pick(self.camera_rotation),
+            variance=None if variance is None else variance[views],
+            saturated=None if saturated is None else saturated[views],
+            camera_rotation=None if rotation is None else rotation[views],
         )
 
 
@@ -163,6 +168,14 @@ def _write_truth(group: Any, truth: Truth) -> None:
         group.create_dataset("material", data=truth.material)
 
 
+def is_stack(path: Path) -> bool:
+    """Tell whether a file claims to be a registered stack (and not, say, a session)."""
+    if not path.exists() or not h5py.is_hdf5(path):
+        return path.name.endswith(".stack.h5")
+    with h5py.File(path, "r") as file:
+        return "/entry/stack" in file or "/entry/instrument" not in file
+
+
 def read_stack(path: Path) -> Stack:
     """Read a registered stack, whoever wrote it.
 
@@ -208,17 +221,25 @@ def _check(file: Any) -> Iterator[Problem]:
     for name in ("variance", "saturated"):
         yield from _check_optional(file, f"/entry/stack/{name}", shape)
     n = shape[0]
-    for name, wanted in (("camera_position", (n, 3)), ("light_position", (n, 3)), ("pixel_pitch", ())):
+    needed: dict[str, tuple[int, ...]] = {"camera_position": (n, 3), "light_position": (n, 3), "pixel_pitch": ()}
+    for name, wanted in needed.items():
         found = _dataset(file, f"{_GEOMETRY}/{name}")
         if found is None:
             yield Problem(f"{_GEOMETRY}/{name}", f"missing; must have shape {wanted}, in mm")
         elif found.shape != wanted and not (wanted == () and found.size == 1):
             advice = "; pixels must be square: resample the stack to one pitch" if name == "pixel_pitch" else ""
             yield Problem(f"{_GEOMETRY}/{name}", f"has shape {found.shape}; must be {wanted}{advice}")
-    for name, wanted in (("light_power", (n,)), ("camera_rotation", (n, 3, 3)), ("light_offset", (3,))):
-        yield from _check_optional(file, f"{_GEOMETRY}/{name}", wanted)
-    for name, wanted in (("normals", (*shape[1:3], 3)), ("depth", shape[1:3]), ("material", shape[1:3])):
-        yield from _check_optional(file, f"/entry/truth/{name}", wanted)
+    optional: dict[str, tuple[int, ...]] = {
+        f"{_GEOMETRY}/light_power": (n,),
+        f"{_GEOMETRY}/camera_rotation": (n, 3, 3),
+        f"{_GEOMETRY}/light_offset": (3,),
+        f"{_GEOMETRY}/light_offset_sigma": (3,),
+        "/entry/truth/normals": (*shape[1:3], 3),
+        "/entry/truth/depth": shape[1:3],
+        "/entry/truth/material": shape[1:3],
+    }
+    for path, wanted in optional.items():
+        yield from _check_optional(file, path, wanted)
 
 
 def _dataset(file: Any, path: str) -> Any:
@@ -263,6 +284,7 @@ def _read(file: Any) -> Stack:
         camera_rotation=optional(f"{_GEOMETRY}/camera_rotation", np.float64),
         light_offset=optional(f"{_GEOMETRY}/light_offset", np.float64),
         light_offset_sigma=optional(f"{_GEOMETRY}/light_offset_sigma", np.float64),
+        notes={k: str(v) for k, v in file["/entry"].attrs.items() if k in NOTES},
         truth=_truth(normals, depth, optional("/entry/truth/material", np.int64)),
     )
 

@@ -27,10 +27,7 @@ COMMANDS = {
     "console": ("cli.console:console", "The operator's window."),
 }
 
-EPILOG = (
-    "Example: halfangle demo -o out. "
-    "Exit codes: 0 fine, 1 failed, 2 usage or bad input, 3 finished with warnings."
-)
+EPILOG = "Example: halfangle demo -o out. Exit codes: 0 fine, 1 failed, 2 usage or bad input, 3 finished with warnings."
 
 
 class LazyGroup(click.Group):

@@ -20,7 +20,9 @@ def check_new(*paths: Path) -> None:
     ------
     InvalidInputError
     """
-    problems = [Problem(str(path), "exists and is not overwritten; choose another name") for path in paths if path.exists()]
+    problems = [
+        Problem(str(path), "exists and is not overwritten; choose another name") for path in paths if path.exists()
+    ]
     problems += [
         Problem(str(path.parent), f"is no folder; make it first, to write {path.name} there")
         for path in paths
@@ -39,7 +41,9 @@ def table(rows: Sequence[Sequence[str]]) -> str:
     """Align rows of text in columns: the first to the left, the others to the right."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     lines = (
-        "  ".join(cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True)))
+        "  ".join(
+            cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))
+        )
         for row in rows
     )
     return "\n".join(line.rstrip() for line in lines)

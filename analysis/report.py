@@ -1,0 +1,177 @@
+"""One self-contained HTML page of a result."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis import figures
+from analysis.materials import group_materials
+from analysis.result import FLAG_NAMES, MODEL_NAMES, Result, diffuse_albedo, model_used
+
+Array = NDArray[np.float64]
+
+N_PICKED = 4
+NARROW_RANGE_DEG = 30.0
+"""Largest half angle below which a curve's tail, and with it the diffuse part, is mostly extrapolated."""
+
+
+def write_report(path: Path, result: Result, title: str) -> None:
+    """Write the page to a new file.
+
+    Raises
+    ------
+    FileExistsError
+        If there is a file already.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("analysis", "data"), autoescape=True, undefined=jinja2.StrictUndefined
+    )
+    page = environment.get_template("report.html").render(
+        title=title,
+        headline=_headline(result),
+        advice=_advice(result),
+        maps=_maps(result),
+        curves=_encode(figures.curves(result, picked_points(result))),
+        left_out=result.summary.get("left_out", []),
+        choices=result.choices,
+        calibration=_flat(result.summary.get("calibration", {})),
+        stages=result.stages,
+        flags=_flag_counts(result),
+        models=_model_counts(result),
+    )
+    with path.open("x", encoding="utf-8") as file:
+        file.write(page)
+
+
+def picked_points(result: Result) -> list[tuple[int, int]]:
+    """Pick a typical pixel of each of the largest material groups: the one of median chi-square."""
+    groups = group_materials(result.fits)
+    points = []
+    for group in range(min(N_PICKED, int(groups.max(initial=-1)) + 1)):
+        members = np.flatnonzero(groups == group)
+        order = np.argsort(result.fits.reduced_chi2[members], kind="stable")
+        row, column = divmod(int(members[order[len(order) // 2]]), result.grid.width)
+        points.append((row, column))
+    return points
+
+
+def _headline(result: Result) -> list[tuple[str, str]]:
+    s = result.summary
+    rows = [
+        (
+            "Area",
+            f"{result.grid.width} × {result.grid.height} pixels of {result.grid.pitch:g} mm, {s['n_views']} views",
+        ),
+    ]
+    if "normal_error_deg" in s:
+        e = s["normal_error_deg"]
+        rows.append(
+            (
+                "Normal error against the truth",
+                f"mean {e['mean']:.3f}, median {e['median']:.3f}, 95 % {e['p95']:.3f} deg",
+            )
+        )
+        plane = f"{s['depth_rmse_without_plane_mm']:.4f} mm with the plane removed"
+        rows.append(("Depth error against the truth", f"RMS {s['depth_rmse_mm']:.4f} mm; {plane}"))
+    sigma = s["normal_sigma_deg"]
+    rows.append(("Stated normal sigma", f"median {sigma['median']:.3f}, 95 % below {sigma['p95']:.3f} deg"))
+    low, high = s["theta_h_range_deg"]
+    rows.append(("Half angles seen by the typical pixel", f"{low:.1f} to {high:.1f} deg"))
+    left_out = s.get("left_out", [])
+    if left_out:
+        ours, lambert = (float(np.median([v[k] for v in left_out])) for k in ("relative_rms", "lambert_relative_rms"))
+        rows.append(
+            (
+                "Error on views left out",
+                f"median relative RMS {100 * ours:.2f} %; a Lambertian fit has {100 * lambert:.2f} %",
+            )
+        )
+    return rows
+
+
+def _advice(result: Result) -> list[str]:
+    """Return what a user must know before trusting the maps."""
+    s = result.summary
+    low, high = s["theta_h_range_deg"]
+    advice = []
+    if high < NARROW_RANGE_DEG:
+        advice.append(
+            f"The typical pixel was seen at half angles of {low:.1f} to {high:.1f} deg only. Beyond them the BRDF is "
+            "extrapolated, diffuse albedo and normals trade against each other, and the stated sigma does not cover "
+            "that. Add poses with more tilt."
+        )
+    if s["n_unsolved"]:
+        advice.append(f"{s['n_unsolved']} of {s['n_pixels']} pixels are unsolved; the flags below say why.")
+    if s["relative_error"] > 0.03:
+        advice.append(
+            f"Residuals are {100 * s['relative_error']:.1f} % of the radiance: check gamma, exposure times, "
+            "registration and the light's position."
+        )
+    return advice
+
+
+def _maps(result: Result) -> list[tuple[str, str]]:
+    fits = result.fits
+    picked = picked_points(result)
+    albedo = result.as_map(diffuse_albedo(fits))
+    overhead = np.array([0.0, 0.0, 350.0])
+    aside = np.array([250.0, 150.0, 300.0])
+    drawn = [
+        ("Normals, false colour", figures.picture(figures.normal_colours(result.normals))),
+        ("Relit from the right, seen from above", figures.picture(_lit(result, overhead, aside))),
+        ("Diffuse albedo (π f at 45°)", figures.picture(figures.display_colours(albedo))),
+        ("Groups of like reflectance", figures.group_map(result.as_map(group_materials(fits)))),
+        (
+            "Stated sigma of the normal",
+            figures.scalar_map(result.as_map(np.rad2deg(fits.normal_sigma)), "deg", log=True),
+        ),
+        (
+            "Residual",
+            figures.scalar_map(result.as_map(fits.reduced_chi2), "reduced chi-square", log=True, marks=picked),
+        ),
+    ]
+    if np.isfinite(result.depth).any():
+        drawn.insert(1, ("Depth", figures.scalar_map(result.depth, "mm")))
+        drawn.append(("Stated sigma of the depth", figures.scalar_map(result.depth_sigma, "mm")))
+    if result.truth_error is not None:
+        drawn.append(("Normal error against the truth", figures.scalar_map(result.truth_error, "deg", log=True)))
+    return [(caption, _encode(png)) for caption, png in drawn]
+
+
+def _lit(result: Result, camera: Array, light: Array) -> Array:
+    return figures.display_colours(result.render(camera, light))
+
+
+def _flag_counts(result: Result) -> list[tuple[str, int]]:
+    return [(text, int(np.count_nonzero(result.fits.flags & bit))) for bit, text in FLAG_NAMES.items()]
+
+
+def _model_counts(result: Result) -> list[tuple[str, int]]:
+    counts = np.bincount(model_used(result.fits), minlength=len(MODEL_NAMES))
+    return list(zip(MODEL_NAMES, counts.tolist(), strict=True))
+
+
+def _flat(values: dict[str, Any]) -> list[tuple[str, str]]:
+    """Figures as text; nested ones are joined."""
+    return [(name.replace("_", " "), _text(value)) for name, value in values.items()]
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, dict):
+        return ", ".join(f"{k} {_text(v)}" for k, v in value.items())
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return ", ".join(_text(v) for v in value) or "none"
+    return str(value)
+
+
+def _encode(png: bytes) -> str:
+    return base64.b64encode(png).decode("ascii")

@@ -1,0 +1,94 @@
+"""`halfangle demo`: the whole chain on the simulated rig, scored against what the simulation knows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cli.output import check_new, stage_announcer, table, write_json
+from cli.reconstruction import figures_table, result_from_stack, stack_from_session
+
+if TYPE_CHECKING:
+    from analysis.stack import Stack
+    from analysis.stages import Stages
+    from instrument.config import RigConfig
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+FILES = ("session.h5", "area.stack.h5", "result.h5", "report.html")
+PITCH_MM, QUICK_PITCH_MM = 0.25, 0.5
+
+
+@click.command(epilog="Example: halfangle demo -o out")
+@click.option(
+    "-o",
+    "--output",
+    "folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("demo"),
+    show_default=True,
+    help="Folder for the session, the stack, the result and the report.",
+)
+@click.option(
+    "--json", "json_file", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures here too."
+)
+@click.option("--quick", is_flag=True, help="Fewer poses and larger pixels: a third of the time, a coarser result.")
+@click.option("--force", is_flag=True, help="Replace the files of an earlier demo.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing while working.")
+def demo(folder: Path, json_file: Path | None, quick: bool, force: bool, quiet: bool) -> None:
+    """Capture, calibrate, reconstruct and report a sample on the simulated rig, and compare with the truth."""
+    session, stack_file, result_file, page = (folder / name for name in FILES)
+    if force:
+        for path in (session, stack_file, result_file, page, *([json_file] if json_file else [])):
+            path.unlink(missing_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
+    check_new(session, stack_file, result_file, page, *([json_file] if json_file else []))
+    from analysis.reconstruction import Options
+    from analysis.report import write_report
+    from analysis.result import write_result
+    from analysis.stack import write_stack
+    from analysis.stages import Stages
+    from instrument.config import load_rig
+
+    rig = load_rig(EXAMPLES / "simulated.toml")
+    stages = Stages(stage_announcer(quiet))
+    _capture(rig, session, stages, quick=quick)
+    stack, calibration = stack_from_session(session, QUICK_PITCH_MM if quick else PITCH_MM, stages)
+    stack = with_truth(stack, rig)
+    write_stack(stack_file, stack)
+    result = result_from_stack(stack, Options(), stages, 6, calibration)
+    write_result(result_file, result)
+    write_report(page, result, "halfangle demo: a simulated relief of five materials")
+    figures = {**result.summary, "stages": result.stages, "choices": result.choices}
+    if json_file:
+        write_json(json_file, figures)
+    click.echo(_text(figures))
+    click.echo("wrote " + ", ".join(str(path) for path in (session, stack_file, result_file, page)))
+
+
+def _capture(rig: RigConfig, session: Path, stages: Stages, *, quick: bool) -> None:
+    from instrument.config import load_protocol
+    from protocols.engine import capture
+
+    protocol = load_protocol(EXAMPLES / ("quick_sweep.toml" if quick else "hdr_sweep.toml"))
+    with stages.measure("capture"):
+        capture(rig, protocol, session)
+
+
+def with_truth(stack: Stack, rig: RigConfig) -> Stack:
+    """Add what the simulation knows of the sample, to score with; nothing in the analysis reads it to fit."""
+    from analysis.stack import Truth
+    from drivers.simulated.world import World
+
+    points = stack.grid.points()
+    truth = World.from_rig(rig.model_dump(exclude_none=True)).truth(points[..., 0], points[..., 1])
+    return replace(stack, truth=Truth(truth.normals, truth.depth - truth.depth.mean(), truth.material))
+
+
+def _text(figures: dict[str, Any]) -> str:
+    rows = [("stage", "seconds", "peak MB")]
+    rows += [(s["name"], f"{s['seconds']:.1f}", f"{s['peak_mb']:.0f}") for s in figures["stages"]]
+    rows.append(("all", f"{sum(s['seconds'] for s in figures['stages']):.1f}", ""))
+    return f"{figures_table(figures)}\n\n{table(rows)}\n"

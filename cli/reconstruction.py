@@ -1,0 +1,203 @@
+"""`halfangle calibrate`, `reconstruct`, `render`, `report`: from a session to maps and pictures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cli.output import check_new, parse_position, stage_announcer, table, write_json
+
+if TYPE_CHECKING:
+    from analysis.reconstruction import Options
+    from analysis.result import Result
+    from analysis.stack import Stack
+    from analysis.stages import Stages
+
+FILE = click.Path(path_type=Path, dir_okay=False)
+
+
+@click.command(epilog="Example: halfangle calibrate session.h5 -o area.stack.h5")
+@click.argument("session", type=FILE)
+@click.option("-o", "--output", type=FILE, required=True, help="Registered stack to write.")
+@click.option(
+    "--pitch",
+    type=click.FloatRange(min=0.001),
+    help="Size of a pixel of the stack, mm [default: as fine as the pictures].",
+)
+@click.option("--json", "json_file", type=FILE, help="Write the calibration's figures here too.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing while working.")
+def calibrate(session: Path, output: Path, pitch: float | None, json_file: Path | None, quiet: bool) -> None:
+    """Calibrate a SESSION from its own pictures and register it onto the sample plane."""
+    check_new(output, *([json_file] if json_file else []))
+    from analysis.stack import write_stack
+    from analysis.stages import Stages
+
+    stack, figures = stack_from_session(session, pitch, Stages(stage_announcer(quiet)))
+    write_stack(output, stack)
+    if json_file:
+        write_json(json_file, figures)
+    click.echo(
+        f"{output}: {stack.n_views} views of {stack.grid.width} x {stack.grid.height} pixels "
+        f"of {stack.pixel_pitch:g} mm; "
+        f"corners {figures['corner_rms_px']:.3f} px RMS, white {100 * figures['white_rms']:.2f} % RMS"
+    )
+
+
+def stack_from_session(session: Path, pitch: float | None, stages: Stages) -> tuple[Stack, dict[str, Any]]:
+    """Register a session; return the stack and the calibration's figures."""
+    from analysis.registration import register
+    from instrument.session import Session
+
+    with Session(session) as opened:
+        stack, calibration = register(opened, pitch, stages)
+    return stack, calibration.as_dict()
+
+
+@click.command(epilog="Example: halfangle reconstruct area.stack.h5 -o area.result.h5 --accuracy best")
+@click.argument("source", type=FILE)
+@click.option("-o", "--output", type=FILE, required=True, help="Result file to write.")
+@click.option(
+    "--accuracy",
+    type=click.Choice(["draft", "normal", "best"]),
+    default="normal",
+    show_default=True,
+    help="How often the geometry is updated from the depth: 0, 2 or 4 times.",
+)
+@click.option(
+    "--dictionary",
+    type=click.Choice(["parametric", "sgd", "abc"]),
+    default="parametric",
+    show_default=True,
+    help="BRDF atoms to fit with.",
+)
+@click.option(
+    "--light",
+    type=click.Choice(["auto", "given", "collocated", "estimate"]),
+    default="auto",
+    show_default=True,
+    help="Where the light is: as the file says (refined if uncertain), as it says, in the lens, from the highlights.",
+)
+@click.option(
+    "--parallax",
+    type=click.Choice(["auto", "on", "off"]),
+    default="auto",
+    show_default=True,
+    help="Whether the views are made to follow the depth.",
+)
+@click.option("--independent", is_flag=True, help="Pixels have nothing to do with each other: no depth.")
+@click.option("--pitch", type=click.FloatRange(min=0.001), help="For a session: size of a pixel, mm.")
+@click.option(
+    "--left-out",
+    type=click.IntRange(min=0),
+    default=6,
+    show_default=True,
+    help="Views to leave out in turn and predict.",
+)
+@click.option("--threads", type=click.IntRange(min=1), help="[default: all processors]")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the pixels drawn for evidence.")
+@click.option("--json", "json_file", type=FILE, help="Write the figures here too.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing while working.")
+def reconstruct(
+    source: Path, output: Path, pitch: float | None, left_out: int, json_file: Path | None, quiet: bool, **choices: Any
+) -> None:
+    """Reconstruct normals, depth and BRDF from a SOURCE: a session or a registered stack."""
+    check_new(output, *([json_file] if json_file else []))
+    from analysis.reconstruction import Options
+    from analysis.result import write_result
+    from analysis.stages import Stages
+
+    stages = Stages(stage_announcer(quiet))
+    stack, calibration = read_source(source, pitch, stages)
+    result = result_from_stack(stack, Options(**choices), stages, left_out, calibration)
+    write_result(output, result)
+    if json_file:
+        write_json(json_file, {**result.summary, "stages": result.stages, "choices": result.choices})
+    click.echo(f"{output}\n{figures_table(result.summary)}")
+
+
+def read_source(source: Path, pitch: float | None, stages: Stages) -> tuple[Stack, dict[str, Any]]:
+    """Read a registered stack, or register a session; return the stack and the calibration's figures, if any."""
+    from analysis.stack import is_stack, read_stack
+
+    if not is_stack(source):
+        return stack_from_session(source, pitch, stages)
+    with stages.measure("reading"):
+        stack = read_stack(source)
+    text = stack.notes.get("calibration")
+    return stack, json.loads(text) if text else {}
+
+
+def result_from_stack(
+    stack: Stack, options: Options, stages: Stages, left_out: int, calibration: dict[str, Any]
+) -> Result:
+    """Reconstruct and score."""
+    from analysis.reconstruction import reconstruct as run
+    from analysis.result import result_of
+    from analysis.scoring import score, truth_error
+
+    reconstruction = run(stack, options, stages)
+    with stages.measure("views left out"):
+        summary = score(reconstruction, left_out)
+    if calibration:
+        summary["calibration"] = calibration
+    return result_of(reconstruction, stages, summary, truth_error(reconstruction))
+
+
+def figures_table(summary: dict[str, Any]) -> str:
+    """Return the figures that a user looks at first, as text."""
+    rows = [("", "mean", "median", "95 %")]
+    for name, key in (("normal error, deg", "normal_error_deg"), ("stated sigma, deg", "normal_sigma_deg")):
+        if key in summary:
+            rows.append((name, *(f"{summary[key][k]:.3f}" for k in ("mean", "median", "p95"))))
+    text = [table(rows)]
+    if "depth_rmse_mm" in summary:
+        plane = summary["depth_rmse_without_plane_mm"]
+        text.append(f"depth RMSE {summary['depth_rmse_mm']:.4f} mm, {plane:.4f} mm with the plane removed")
+    if summary["n_unsolved"]:
+        text.append(f"{summary['n_unsolved']} of {summary['n_pixels']} pixels unsolved (see flags)")
+    if summary["left_out"]:
+        rows = [("view left out", "relative RMS", "Lambertian", "PSNR dB", "Lambertian", "gain on glossy dB")]
+        for v in summary["left_out"]:
+            shares = (f"{100 * v[k]:.2f} %" for k in ("relative_rms", "lambert_relative_rms"))
+            levels = (f"{v[k]:.1f}" for k in ("psnr_db", "lambert_psnr_db", "glossy_gain_db"))
+            rows.append((str(v["view"]), *shares, *levels))
+        text.append(table(rows))
+    return "\n".join(text)
+
+
+@click.command(epilog="Example: halfangle render area.result.h5 --camera 0,0,350 --light 120,0,300 -o relit.exr")
+@click.argument("result", type=FILE)
+@click.option("--camera", required=True, metavar="X,Y,Z", help="Sample frame, mm.")
+@click.option("--light", required=True, metavar="X,Y,Z", help="Sample frame, mm.")
+@click.option("--light-power", type=click.FloatRange(min=0.0), default=1.0, show_default=True, help="As in the stack.")
+@click.option(
+    "-o", "--output", type=FILE, required=True, help="Picture to write: .exr or .npy (linear) or .png (display)."
+)
+def render(result: Path, camera: str, light: str, light_power: float, output: Path) -> None:
+    """Predict the picture of the area from any CAMERA and LIGHT, in the stack's radiance units and grid."""
+    check_new(output)
+    from analysis.pictures import check_picture_name, write_picture
+    from analysis.result import read_result
+
+    check_picture_name(output)
+    positions = parse_position(camera, "--camera"), parse_position(light, "--light")
+    radiance = read_result(result).render(*positions, light_power)
+    write_picture(output, radiance)
+    click.echo(f"{output}: {radiance.shape[1]} x {radiance.shape[0]} pixels")
+
+
+@click.command(epilog="Example: halfangle report area.result.h5 -o report.html")
+@click.argument("result", type=FILE)
+@click.option("-o", "--output", type=FILE, required=True, help="HTML page to write; needs nothing beside it.")
+@click.option("--title", help="[default: the file's name]")
+def report(result: Path, output: Path, title: str | None) -> None:
+    """Make one HTML page of a RESULT."""
+    check_new(output)
+    from analysis.report import write_report
+    from analysis.result import read_result
+
+    write_report(output, read_result(result), title or result.name)
+    click.echo(str(output))
