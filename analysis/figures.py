@@ -53,8 +53,9 @@ def scalar_map(values: Array, label: str, *, log: bool = False, marks: Sequence[
             norm: Normalize = LogNorm(max(low, 1e-6), max(high, 2e-6))
         else:
             norm = Normalize(low, high if high > low else low + 1e-6)
-        shown = axes.imshow(values, norm=norm, cmap="viridis", interpolation="nearest")
-        shown.cmap.set_bad("black")
+        shown = axes.imshow(
+            values, norm=norm, cmap=mpl.colormaps["viridis"].with_extremes(bad="black"), interpolation="nearest"
+        )
         figure.colorbar(shown, ax=axes, label=label, shrink=0.9)
         for number, (row, column) in enumerate(marks, start=1):
             axes.plot(column, row, "o", color="white", markeredgecolor="black", markersize=5)

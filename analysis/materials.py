@@ -15,13 +15,13 @@ MAX_GROUPS = 12
 WORTHWHILE = 0.7
 """One group more is kept while it leaves less than this share of the spread of the curves within groups."""
 
-_N_ANGLES, _N_COMPONENTS, _N_FITTED, _SEED = 8, 6, 4000, 0
+_N_ANGLES, _N_COMPONENTS, _N_FITTED, _N_RUNS, _SEED = 8, 6, 3000, 4, 0
 
 
 def group_materials(fits: PixelFits) -> NDArray[np.int16]:
     """Group pixels by the logarithm of their curves over the half angles that most of them saw.
 
-    k-means on principal components; the number of groups grows while each one more is worth it
+    k-means on principal components; the number of groups is the largest whose last one was worth it
     (`WORTHWHILE`). Groups are numbered by size, the largest 0; unsolved pixels are -1. A description of
     the scene, not a model of it: curves are not shared within a group.
 
@@ -36,17 +36,26 @@ def group_materials(fits: PixelFits) -> NDArray[np.int16]:
     features = _features(fits, solved)
     sample = np.random.default_rng(_SEED).choice(len(features), min(len(features), _N_FITTED), replace=False)
     centres = features[sample].mean(axis=0, keepdims=True)
-    spread = _distance2(features[sample], centres).min(axis=1).mean()
+    best, spread = centres, _distance2(features[sample], centres).min(axis=1).mean()
     for k in range(2, min(MAX_GROUPS, len(sample)) + 1):
-        more, _ = kmeans2(features[sample], k, minit="++", seed=_SEED, iter=30)
-        less_spread = _distance2(features[sample], more).min(axis=1).mean()
-        if not less_spread < WORTHWHILE * spread:
-            break
-        centres, spread = more, less_spread
+        more, less_spread = _k_means(features[sample], k)
+        # Two groups more may be worth it where one is not, so all numbers are tried.
+        if less_spread < WORTHWHILE * spread:
+            best = more
+        spread = less_spread
+    centres = best
     nearest = _distance2(features, centres).argmin(axis=1)
     order = np.argsort(-np.bincount(nearest, minlength=len(centres)), kind="stable")
     group[solved] = np.argsort(order)[nearest]
     return group
+
+
+def _k_means(features: Array, k: int) -> tuple[Array, float]:
+    """Return the best of a few runs: centres and mean squared distance to the nearest."""
+    runs = [kmeans2(features, k, minit="++", seed=seed, iter=30)[0] for seed in range(_N_RUNS)]
+    spreads = [float(_distance2(features, centres).min(axis=1).mean()) for centres in runs]
+    best = int(np.argmin(spreads))
+    return np.asarray(runs[best]), spreads[best]
 
 
 def _features(fits: PixelFits, solved: NDArray[np.int64]) -> Array:

@@ -2,13 +2,15 @@
 
 A white point at x, seen in view v at radius r of the picture, has the radiance
 
-    log I = log P_v + log rho_s + log(cos theta_i / d^2) + a r^2 + b r^4 + m log cos alpha
+    log I = log P_v + log rho_s + log(cos theta_i / d^2) + a r^2 + b r^4 + g.u + m log cos alpha
             + c_1 (1 - cos theta_i) + c_2 (1 - cos theta_i)^2 ,
 
 with the power P_v, the sheet's whiteness rho_s, vignetting (a, b), the lobe cos^m about the light's
-axis, and how far the white is from Lambertian (c_1, c_2). All are linear in the logarithm, so one
-regularised least-squares fit finds them; the priors keep apart what the pictures cannot (a power that
-follows the tilt from a white that is not Lambertian).
+axis, its gradient g over the picture where that axis is not the camera's (u = pixel from the centre
+over the unit of r; an error of the light's position looks the same and goes there too), and how far the
+white is from Lambertian (c_1, c_2). All are linear in the logarithm, so one regularised least-squares
+fit finds them; the priors keep apart what the pictures cannot (a power that follows the tilt from a
+white that is not Lambertian).
 """
 
 from __future__ import annotations
@@ -22,10 +24,10 @@ from analysis.rectification import View
 
 Array = NDArray[np.float64]
 
-POWER_SIGMA = 0.03
+POWER_SIGMA = 0.02
 """Prior of log P_v about their mean: LEDs and pipes hold their power within a few percent."""
 
-_LOBE_SIGMA, _WHITE_SIGMA, _SHEET_SIGMA = 3.0, 0.2, 0.05
+_LOBE_SIGMA, _WHITE_SIGMA, _SHEET_SIGMA, _GRADIENT_SIGMA = 3.0, 0.2, 0.05, 0.05
 _ROUNDS = 5  # of reweighting; the weights have settled by then
 _HUBER = 2.5
 
@@ -63,6 +65,8 @@ class Photometry:
         Such that the boards' white has the BRDF 1 / pi.
     vignetting : tuple of float
         a, b per `radius` squared and to the fourth.
+    gradient : tuple of float
+        g per `radius`, along x and y of the picture.
     lobe_exponent : float
         m.
     principal_point, radius : (float, float), float
@@ -73,6 +77,7 @@ class Photometry:
 
     light_power: Array
     vignetting: tuple[float, float]
+    gradient: tuple[float, float]
     lobe_exponent: float
     principal_point: tuple[float, float]
     radius: float
@@ -80,13 +85,11 @@ class Photometry:
 
     def falloff(self, view: View, light_offset: Array, points: Array, pixels: Array) -> Array:
         """Return vignetting times lobe at `points` (..., 3) that lie at `pixels` (..., 2) of the picture."""
-        r2 = self._r2(pixels)
+        u = (pixels - self.principal_point) / self.radius
+        r2 = np.sum(u**2, axis=-1)
         a, b = self.vignetting
         lobe = self.lobe_exponent * np.log(_cos_alpha(view, light_offset, points))
-        return np.asarray(np.exp(a * r2 + b * r2**2 + lobe))
-
-    def _r2(self, pixels: Array) -> Array:
-        return np.asarray(np.sum((pixels - self.principal_point) ** 2, axis=-1) / self.radius**2)
+        return np.asarray(np.exp(a * r2 + b * r2**2 + u @ np.array(self.gradient) + lobe))
 
 
 def _cos_alpha(view: View, light_offset: Array, points: Array) -> Array:
@@ -113,7 +116,8 @@ def fit_photometry(
     matrix = views[0].camera_matrix
     centre = (float(matrix[0, 2]), float(matrix[1, 2]))
     radius = float(np.hypot(*image_size) / 2.0)
-    r2 = np.sum((samples.pixel - centre) ** 2, axis=1) / radius**2
+    u = (samples.pixel - centre) / radius
+    r2 = np.sum(u**2, axis=1)
     cos_i, d2, log_lobe = (np.empty(len(r2)) for _ in range(3))
     for v, view in enumerate(views):
         of = samples.view == v
@@ -128,6 +132,7 @@ def fit_photometry(
             np.ones((len(r2), 1)),
             np.eye(n_views)[samples.view],
             np.eye(n_sheets)[samples.sheet],
+            u,
             np.stack([r2, r2**2, log_lobe, tilt, tilt**2], axis=1),
         ],
         axis=1,
@@ -138,14 +143,15 @@ def fit_photometry(
             [np.inf],
             np.full(n_views, POWER_SIGMA),
             np.full(n_sheets, _SHEET_SIGMA),
-            [np.inf, np.inf, _LOBE_SIGMA, _WHITE_SIGMA, _WHITE_SIGMA],
+            [_GRADIENT_SIGMA, _GRADIENT_SIGMA, np.inf, np.inf, _LOBE_SIGMA, _WHITE_SIGMA, _WHITE_SIGMA],
         ]
     )
     x, residual = _robust_ridge(A, y, sigma)
-    a, b, m = x[-5:-2]
+    g_x, g_y, a, b, m = x[-7:-2]
     return Photometry(
         light_power=np.pi * np.exp(x[0] + x[1 : 1 + n_views]),
         vignetting=(float(a), float(b)),
+        gradient=(float(g_x), float(g_y)),
         lobe_exponent=float(m),
         principal_point=centre,
         radius=radius,

@@ -1,9 +1,10 @@
 """Resample a picture onto the plane of the sample, straight from the Bayer mosaic.
 
-Each pixel of the grid gathers the samples of each colour under a Gaussian footprint and fits a plane to
-them (local linear regression), whose value at the centre is the result. So demosaicing, anti-aliasing
-and resampling are one linear step; colours have the same footprint, no colour is shifted against
-another, and the variance of the result follows from the weights.
+Each pixel of the grid gathers the samples of each colour under a Gaussian footprint and fits a quadratic
+to them (local polynomial regression [cleveland1979]), whose value at the centre is the result. So
+demosaicing, anti-aliasing and resampling are one linear step; no colour is shifted against another, and
+the variance of the result follows from the weights. A plane instead of the quadratic would be the
+Gaussian's plain blur, which flattens relief: slopes of 4 to 8 mm waves came out 2 to 4 % too small.
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
 
-SENSOR_SIGMA_PX = 0.75
-"""Least footprint: a colour that fills one pixel in four needs this much to be interpolated smoothly."""
+SENSOR_SIGMA_PX = 1.1
+"""Least footprint: a colour that fills one pixel in four needs this much to hold a quadratic."""
 
-_REACH = 2.6  # footprint's radius in sigmas; what lies beyond has 3 % of the peak weight
+# Footprint's radius in sigmas; what lies beyond has 3 % of the peak weight. At the least footprint it is just
+# over 2 pixels: less, and some places see one column of a colour only, to which no plane can be fitted.
+_REACH = 2.7
 _CLIPPED_SHARE = 0.02
 
 
@@ -158,8 +161,9 @@ def _gather(
     noise = np.full((rows, columns, n_channels), np.nan, np.float32)
     clipped = np.zeros((rows, columns, n_channels), np.uint8)
     for i in prange(rows):
-        M = np.empty((n_channels, 6))
-        solution = np.empty((n_channels, 3))
+        M = np.empty((n_channels, 6, 6))
+        solution = np.empty(6)
+        moments = np.empty(15)
         for j in range(columns):
             x, y = pixels[i, j]
             # Covariance of the footprint: a box of one grid pixel (1/12 per axis) and the sensor's own.
@@ -167,49 +171,117 @@ def _gather(
             syy = (along_x[i, j, 1] ** 2 + along_y[i, j, 1] ** 2) / 12.0 + SENSOR_SIGMA_PX**2
             sxy = (along_x[i, j, 0] * along_x[i, j, 1] + along_y[i, j, 0] * along_y[i, j, 1]) / 12.0
             determinant = sxx * syy - sxy * sxy
+            ixx, iyy, ixy = syy / determinant, sxx / determinant, -sxy / determinant
             reach_x, reach_y = _REACH * np.sqrt(sxx), _REACH * np.sqrt(syy)
             if not (x - reach_x >= 0 and x + reach_x < width and y - reach_y >= 0 and y + reach_y < height):
                 continue
             first_x, last_x = int(np.ceil(x - reach_x)), int(np.floor(x + reach_x))
             first_y, last_y = int(np.ceil(y - reach_y)), int(np.floor(y + reach_y))
             M[:] = 0.0
-            for r in range(first_y, last_y + 1):
-                for c in range(first_x, last_x + 1):
-                    dx, dy = c - x, r - y
-                    w = np.exp(-0.5 * (syy * dx * dx - 2 * sxy * dx * dy + sxx * dy * dy) / determinant)
-                    m = M[cell[r & 1, c & 1]]
-                    m[0] += w
-                    m[1] += w * dx
-                    m[2] += w * dy
-                    m[3] += w * dx * dx
-                    m[4] += w * dx * dy
-                    m[5] += w * dy * dy
+            for place in range(4):
+                row, column = place // 2, place % 2
+                _moments(
+                    x, y, ixx, ixy, iyy, first_x + ((first_x + column) & 1), last_x,
+                    first_y + ((first_y + row) & 1), last_y, moments,
+                )  # fmt: skip
+                _add_moments(moments, M[cell[row, column]])
             for ch in range(n_channels):
-                _first_row_of_inverse(M[ch], solution[ch])
-                radiance[i, j, ch] = 0.0
-                noise[i, j, ch] = 0.0
-            for r in range(first_y, last_y + 1):
-                for c in range(first_x, last_x + 1):
-                    ch = cell[r & 1, c & 1]
-                    dx, dy = c - x, r - y
-                    w = np.exp(-0.5 * (syy * dx * dx - 2 * sxy * dx * dy + sxx * dy * dy) / determinant)
-                    weight = w * (solution[ch, 0] + solution[ch, 1] * dx + solution[ch, 2] * dy)
-                    radiance[i, j, ch] += weight * mean[r, c]
-                    noise[i, j, ch] += weight * weight * variance[r, c]
-                    if saturated[r, c] and abs(weight) > _CLIPPED_SHARE:
-                        clipped[i, j, ch] = 1
+                _value_at_centre(M[ch], solution)
+                value, var, clip = 0.0, 0.0, False
+                for place in range(4):
+                    row, column = place // 2, place % 2
+                    if cell[row, column] != ch:
+                        continue
+                    for r in range(first_y + ((first_y + row) & 1), last_y + 1, 2):
+                        for c in range(first_x + ((first_x + column) & 1), last_x + 1, 2):
+                            dx, dy = c - x, r - y
+                            weight = np.exp(-0.5 * (ixx * dx * dx + 2.0 * ixy * dx * dy + iyy * dy * dy)) * (
+                                solution[0]
+                                + dx * (solution[1] + solution[3] * dx + solution[4] * dy)
+                                + dy * (solution[2] + solution[5] * dy)
+                            )
+                            value += weight * mean[r, c]
+                            var += weight * weight * variance[r, c]
+                            clip = clip or (saturated[r, c] and abs(weight) > _CLIPPED_SHARE)
+                radiance[i, j, ch], noise[i, j, ch], clipped[i, j, ch] = value, var, clip
     return radiance, noise, clipped
 
 
+# Exponents of dx and dy in the basis 1, dx, dy, dx^2, dx dy, dy^2.
+_POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _moments(
+    x: float, y: float, ixx: float, ixy: float, iyy: float,
+    first_x: int, last_x: int, first_y: int, last_y: int, out: Array,
+) -> None:  # fmt: skip
+    """Write sum w dx^a dy^b, a + b <= 4, over every second column and row, at place (a + b)(a + b + 1) / 2 + b."""
+    out[:] = 0.0
+    for r in range(first_y, last_y + 1, 2):
+        dy = r - y
+        s0, s1, s2, s3, s4 = 0.0, 0.0, 0.0, 0.0, 0.0
+        for c in range(first_x, last_x + 1, 2):
+            dx = c - x
+            w = np.exp(-0.5 * (ixx * dx * dx + 2.0 * ixy * dx * dy + iyy * dy * dy))
+            s0 += w
+            s1 += w * dx
+            s2 += w * dx * dx
+            s3 += w * dx * dx * dx
+            s4 += w * dx * dx * dx * dx
+        dy2 = dy * dy
+        out[0] += s0
+        out[1] += s1
+        out[2] += s0 * dy
+        out[3] += s2
+        out[4] += s1 * dy
+        out[5] += s0 * dy2
+        out[6] += s3
+        out[7] += s2 * dy
+        out[8] += s1 * dy2
+        out[9] += s0 * dy2 * dy
+        out[10] += s4
+        out[11] += s3 * dy
+        out[12] += s2 * dy2
+        out[13] += s1 * dy2 * dy
+        out[14] += s0 * dy2 * dy2
+
+
 @njit(cache=True, nogil=True)
-def _first_row_of_inverse(m: Array, out: Array) -> None:
-    """First row of the inverse of [[m0 m1 m2], [m1 m3 m4], [m2 m4 m5]]: the fitted plane's value at the centre."""
-    c0 = m[3] * m[5] - m[4] * m[4]
-    c1 = m[2] * m[4] - m[1] * m[5]
-    c2 = m[1] * m[4] - m[2] * m[3]
-    determinant = m[0] * c0 + m[1] * c1 + m[2] * c2
-    if determinant > 1e-9 * m[0] ** 3:
-        out[0], out[1], out[2] = c0 / determinant, c1 / determinant, c2 / determinant
-    else:
-        # Too few samples of this colour for a plane: their weighted mean.
-        out[0], out[1], out[2] = 1.0 / max(m[0], 1e-300), 0.0, 0.0
+def _add_moments(moments: Array, M: Array) -> None:
+    """Add to the lower triangle of M the products of the basis, each of them one moment."""
+    for i in range(6):
+        for j in range(i + 1):
+            b = _POWERS[i][1] + _POWERS[j][1]
+            n = _POWERS[i][0] + _POWERS[j][0] + b
+            M[i, j] += moments[n * (n + 1) // 2 + b]
+
+
+@njit(cache=True, nogil=True)
+def _value_at_centre(M: Array, out: Array) -> None:
+    """Solve M s = (1, 0, ..., 0) by Cholesky in place: s . basis is what a sample adds to the fitted value."""
+    peak = M[0, 0]
+    for i in range(6):
+        for j in range(i + 1):
+            total = M[i, j]
+            for k in range(j):
+                total -= M[i, k] * M[j, k]
+            if i == j:
+                if not total > 1e-6 * peak:
+                    # Too few samples of this colour for a quadratic: their weighted mean.
+                    out[:] = 0.0
+                    out[0] = 1.0 / max(peak, 1e-300)
+                    return
+                M[i, i] = np.sqrt(total)
+            else:
+                M[i, j] = total / M[j, j]
+    for i in range(6):
+        total = 1.0 if i == 0 else 0.0
+        for k in range(i):
+            total -= M[i, k] * out[k]
+        out[i] = total / M[i, i]
+    for i in range(5, -1, -1):
+        total = out[i]
+        for k in range(i + 1, 6):
+            total -= M[k, i] * out[k]
+        out[i] = total / M[i, i]

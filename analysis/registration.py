@@ -77,6 +77,7 @@ class Calibration:
             "light_offset_sigma_mm": self.light_offset.sigma.tolist(),
             "light_power_spread": float(np.std(power) / np.mean(power)),
             "vignetting": list(self.photometry.vignetting),
+            "light_gradient": list(self.photometry.gradient),
             "lobe_exponent": self.photometry.lobe_exponent,
             "white_rms": self.photometry.rms,
         }

@@ -82,6 +82,9 @@ def _headline(result: Result) -> list[tuple[str, str]]:
         rows.append(("Depth error against the truth", f"RMS {s['depth_rmse_mm']:.4f} mm; {plane}"))
     sigma = s["normal_sigma_deg"]
     rows.append(("Stated normal sigma", f"median {sigma['median']:.3f}, 95 % below {sigma['p95']:.3f} deg"))
+    if "coverage68" in s:
+        inside = f"{100 * s['coverage68']:.0f} % and {100 * s['coverage95']:.0f} %"
+        rows.append(("Stated 68 % and 95 % intervals", f"hold {inside} of the true normals"))
     low, high = s["theta_h_range_deg"]
     rows.append(("Half angles seen by the typical pixel", f"{low:.1f} to {high:.1f} deg"))
     left_out = s.get("left_out", [])

@@ -156,6 +156,8 @@ def figures_table(summary: dict[str, Any]) -> str:
     if "depth_rmse_mm" in summary:
         plane = summary["depth_rmse_without_plane_mm"]
         text.append(f"depth RMSE {summary['depth_rmse_mm']:.4f} mm, {plane:.4f} mm with the plane removed")
+        inside = f"{100 * summary['coverage68']:.0f} % and {100 * summary['coverage95']:.0f} %"
+        text.append(f"stated 68 % and 95 % normal intervals hold {inside} of the true normals")
     if summary["n_unsolved"]:
         text.append(f"{summary['n_unsolved']} of {summary['n_pixels']} pixels unsolved (see flags)")
     if summary["left_out"]:

@@ -1,0 +1,110 @@
+"""`halfangle import --registered`: pictures from elsewhere, good ones and bad ones."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from analysis.light_calibration import pooled_light_offset
+from analysis.stack import read_stack
+from cli.main import main
+
+SHARED = Path(os.environ.get("HALFANGLE_SHARED_DATA", Path(__file__).parents[3] / "shared" / "data"))
+
+
+def run(*arguments: str | Path) -> int:
+    """Run `halfangle import` and return its exit code."""
+    with pytest.raises(SystemExit) as ended:
+        main(["import", "--registered", *(str(argument) for argument in arguments)])
+    return int(ended.value.code or 0)
+
+
+@pytest.fixture
+def card(tmp_path: Path) -> Path:
+    """A folder of four 8-bit pictures with display gamma, and their table."""
+    folder = tmp_path / "card"
+    folder.mkdir()
+    rows = ["file,camera_x_cm,camera_y_cm,camera_z_cm"]
+    for i in range(4):
+        picture = np.full((12, 16, 3), 64 * (i + 1) - 1, np.uint8)
+        picture[:, :, 0] = 10  # blue in OpenCV's order
+        cv2.imwrite(str(folder / f"{i}.png"), picture)
+        rows.append(f"{i}.png,{i},{-i},17")
+    (folder / "positions.csv").write_text("\n".join(rows))
+    return folder
+
+
+def test_pictures_become_linear_radiance_with_clipped_pixels_as_bounds(card: Path, tmp_path: Path) -> None:
+    arguments = ("--positions", "positions.csv", "--width-mm", "32", "--gamma", "2.2", "-o", tmp_path / "c.stack.h5")
+    assert run(card, *arguments) == 0
+    stack = read_stack(tmp_path / "c.stack.h5")
+    assert stack.radiance.shape == (4, 12, 16, 3)
+    assert stack.pixel_pitch == pytest.approx(2.0)
+    np.testing.assert_allclose(stack.camera_position[2], [20.0, -20.0, 170.0])
+    np.testing.assert_allclose(stack.radiance[1, 0, 0, 0], (127 / 255) ** 2.2, rtol=1e-5)
+    np.testing.assert_allclose(stack.radiance[1, 0, 0, 2], (10 / 255) ** 2.2, rtol=1e-5)
+    assert stack.saturated is not None
+    assert stack.saturated[3, :, :, 0].all()
+    assert not stack.saturated[:3].any()
+
+
+def test_binning_averages_linear_values(card: Path, tmp_path: Path) -> None:
+    arguments = ("--positions", "positions.csv", "--width-mm", "32", "--gamma", "2.2", "--bin", "4")
+    assert run(card, *arguments, "-o", tmp_path / "c.stack.h5") == 0
+    stack = read_stack(tmp_path / "c.stack.h5")
+    assert stack.radiance.shape == (4, 3, 4, 3)
+    assert stack.pixel_pitch == pytest.approx(8.0)
+
+
+def test_display_pictures_without_a_stated_gamma_are_refused(
+    card: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ("--positions", "positions.csv", "--width-mm", "32", "-o", tmp_path / "c.stack.h5")
+    assert run(card, *arguments) == 2
+    message = capsys.readouterr().err
+    assert message.count("state --gamma") == 4
+    assert not (tmp_path / "c.stack.h5").exists()
+
+
+def test_all_that_is_wrong_with_a_table_is_said_at_once_by_line(
+    card: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = ["file,camera_x_mm,camera_y_mm,camera_z_mm", "0.png,1,2,x", "1.png,0,0,-5", "2.png,0,0,nan"]
+    (card / "bad.csv").write_text("\n".join(rows))
+    arguments = ("--positions", "bad.csv", "--width-mm", "32", "--gamma", "1", "-o", tmp_path / "c.stack.h5")
+    assert run(card, *arguments) == 2
+    message = capsys.readouterr().err
+    assert all(f"bad.csv:{line}" in message for line in (2, 3, 4))
+
+
+def test_missing_and_damaged_pictures_are_named(card: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (card / "1.png").unlink()
+    (card / "2.png").write_bytes(b"no picture")
+    arguments = ("--positions", "positions.csv", "--width-mm", "32", "--gamma", "1", "-o", tmp_path / "c.stack.h5")
+    assert run(card, *arguments) == 2
+    message = capsys.readouterr().err
+    assert "1.png is not in" in message
+    assert "2.png cannot be read" in message
+
+
+def test_a_table_without_the_needed_columns_is_refused_with_what_is_needed(
+    card: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (card / "bad.csv").write_text("name,x\n0.png,1\n")
+    arguments = ("--positions", "bad.csv", "--width-mm", "32", "--gamma", "1", "-o", tmp_path / "c.stack.h5")
+    assert run(card, *arguments) == 2
+    assert "needed are file, camera_x_mm" in capsys.readouterr().err
+
+
+def test_the_torch_beside_a_phones_lens_is_found_in_a_real_capture(tmp_path: Path) -> None:
+    if not (SHARED / "real_card").is_dir():
+        pytest.skip(f"the real capture is not at {SHARED / 'real_card'}; set HALFANGLE_SHARED_DATA")
+    arguments = ("--positions", "positions.csv", "--width-mm", "68.48", "--gamma", "2.2", "--bin", "8")
+    assert run(SHARED / "real_card", *arguments, "-o", tmp_path / "card.stack.h5") == 0
+    offset = pooled_light_offset(read_stack(tmp_path / "card.stack.h5"))
+    # By its highlights the torch stands about 1.1 cm from the lens.
+    assert 9.5 < np.hypot(*offset.value[:2]) < 13.0

@@ -1,0 +1,123 @@
+"""The commands that work on stacks and results, run as a user runs them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import OpenEXR
+import pytest
+
+from analysis.stack import read_stack, write_stack
+from cli.main import main
+from tests.synthetic import make_stack
+
+
+def run(*arguments: str | Path) -> int:
+    """Run `halfangle` and return its exit code."""
+    with pytest.raises(SystemExit) as ended:
+        main([str(argument) for argument in arguments])
+    return int(ended.value.code or 0)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a stack and its result."""
+    made = tmp_path_factory.mktemp("commands")
+    write_stack(made / "area.stack.h5", make_stack(n_views=30, size=24))
+    arguments = (made / "area.stack.h5", "-o", made / "area.result.h5", "--json", made / "area.json", "-q")
+    assert run("reconstruct", *arguments, "--left-out", "2") == 0
+    return made
+
+
+def test_reconstruct_writes_the_maps_that_the_format_promises(folder: Path) -> None:
+    with h5py.File(folder / "area.result.h5") as file:
+        maps = file["/entry/result"]
+        assert maps["normals"].shape == (24, 24, 3)
+        assert maps["normals"].dtype == np.float32
+        np.testing.assert_allclose(np.linalg.norm(maps["normals"], axis=-1), 1.0, atol=1e-5)
+        for name in ("normal_sigma_deg", "depth", "depth_sigma", "model", "flags", "material"):
+            assert maps[name].shape == (24, 24), name
+        assert maps["diffuse_albedo"].shape == (24, 24, 3)
+        assert abs(float(np.mean(maps["depth"]))) < 1e-6
+
+
+def test_reconstruct_writes_the_figures_that_a_program_reads(folder: Path) -> None:
+    figures = json.loads((folder / "area.json").read_text())
+    assert figures["normal_error_deg"]["mean"] < 0.3
+    assert figures["depth_rmse_mm"] < 0.05
+    assert len(figures["left_out"]) == 2
+    assert {"name", "seconds", "peak_mb"} <= set(figures["stages"][0])
+    assert all(choice["reason"] for choice in figures["choices"])
+
+
+def test_render_predicts_a_view_of_the_stack_in_its_own_units(folder: Path) -> None:
+    stack = read_stack(folder / "area.stack.h5")
+    camera = ",".join(str(x) for x in stack.camera_position[7])
+    assert run("render", folder / "area.result.h5", "--camera", camera, "--light", camera, "-o", folder / "p.npy") == 0
+    predicted = np.load(folder / "p.npy")
+    measured = stack.radiance[7]
+    assert predicted.shape == measured.shape
+    assert np.sqrt(np.mean((predicted - measured) ** 2) / np.mean(measured**2)) < 0.03
+
+
+def test_render_writes_exr_and_png_too(folder: Path) -> None:
+    for name in ("p.exr", "p.png"):
+        where = ("--camera", "0,0,350", "--light", "150,0,300")
+        assert run("render", folder / "area.result.h5", *where, "-o", folder / name) == 0
+    with OpenEXR.File(str(folder / "p.exr")) as file:
+        assert file.channels()["RGB"].pixels.shape == (24, 24, 3)
+
+
+def test_the_report_is_one_page_that_needs_nothing_beside_it(folder: Path) -> None:
+    assert run("report", folder / "area.result.h5", "-o", folder / "page.html") == 0
+    page = (folder / "page.html").read_text()
+    assert "data:image/png;base64," in page
+    assert "http" not in page.split("<style>")[1]
+    assert "Views left out" in page
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("render", "R", "--camera", "0,0", "--light", "0,0,9", "-o", "x.npy"), "--camera: is '0,0'; must be X,Y,Z"),
+        (("render", "R", "--camera", "0,0,-5", "--light", "0,0,9", "-o", "x.npy"), "with Z above the sample"),
+        (("render", "R", "--camera", "0,0,5", "--light", "0,0,9", "-o", "x.bmp"), "pictures are written as .exr"),
+        (("reconstruct", "nowhere.stack.h5", "-o", "x.h5"), "no such file"),
+        (("report", "S", "-o", "x.html"), "/entry/result/normals: missing"),
+        (("reconstruct", "S", "-o", "no/folder/x.h5"), "is no folder"),
+        (("reconstruct", "S", "-o", "R"), "exists and is not overwritten"),
+    ],
+)
+def test_bad_input_ends_with_code_2_a_message_and_nothing_written(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], message: str
+) -> None:
+    names = {"S": folder / "area.stack.h5", "R": folder / "area.result.h5"}
+    filled = [names.get(a, tmp_path / a if a.startswith(("x.", "no/", "nowhere")) else a) for a in arguments]
+    assert run(*filled) == 2
+    assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_one_view_is_refused_with_the_reason(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_stack(tmp_path / "one.stack.h5", make_stack(n_views=1, size=8))
+    assert run("reconstruct", tmp_path / "one.stack.h5", "-o", tmp_path / "r.h5", "-q") == 2
+    assert "1 views; at least 4 are needed" in capsys.readouterr().err
+    assert not (tmp_path / "r.h5").exists()
+
+
+def test_the_dictionaries_can_be_listed_and_looked_at(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("dictionary", "list") == 0
+    assert "300 atoms" in capsys.readouterr().out
+    assert run("dictionary", "info", "parametric") == 0
+    assert "lambert" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "command", ["demo", "calibrate", "reconstruct", "render", "report", "import", "dictionary", "plan", "console"]
+)
+def test_every_command_has_help_with_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(command, "--help") == 0
+    assert "halfangle" in capsys.readouterr().out
