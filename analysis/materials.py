@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.vq import kmeans2
@@ -37,7 +39,9 @@ def group_materials(fits: PixelFits) -> NDArray[np.int16]:
     sample = np.random.default_rng(_SEED).choice(len(features), min(len(features), _N_FITTED), replace=False)
     centres = features[sample].mean(axis=0, keepdims=True)
     best, spread = centres, _distance2(features[sample], centres).min(axis=1).mean()
-    for k in range(2, min(MAX_GROUPS, len(sample)) + 1):
+    # A sample all of one curve, or of a few, has no more groups than curves.
+    n_distinct = len(np.unique(features[sample].round(6), axis=0))
+    for k in range(2, min(MAX_GROUPS, n_distinct) + 1):
         more, less_spread = _k_means(features[sample], k)
         # Two groups more may be worth it where one is not, so all numbers are tried.
         if less_spread < WORTHWHILE * spread:
@@ -52,7 +56,9 @@ def group_materials(fits: PixelFits) -> NDArray[np.int16]:
 
 def _k_means(features: Array, k: int) -> tuple[Array, float]:
     """Return the best of a few runs: centres and mean squared distance to the nearest."""
-    runs = [kmeans2(features, k, minit="++", seed=seed, iter=30)[0] for seed in range(_N_RUNS)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # a run that leaves a group empty is a poor run, no more
+        runs = [kmeans2(features, k, minit="++", seed=seed, iter=30)[0] for seed in range(_N_RUNS)]
     spreads = [float(_distance2(features, centres).min(axis=1).mean()) for centres in runs]
     best = int(np.argmin(spreads))
     return np.asarray(runs[best]), spreads[best]

@@ -22,9 +22,9 @@ Array32 = NDArray[np.float32]
 SENSOR_SIGMA_PX = 1.1
 """Least footprint: a colour that fills one pixel in four needs this much to hold a quadratic."""
 
-# Footprint's radius in sigmas; what lies beyond has 3 % of the peak weight. At the least footprint it is just
-# over 2 pixels: less, and some places see one column of a colour only, to which no plane can be fitted.
-_REACH = 2.7
+# Footprint's radius in sigmas; what lies beyond has 2 % of the peak weight. At the least footprint it is just
+# over 3 pixels: less, and some places see two columns of a colour only, to which no quadratic can be fitted.
+_REACH = 2.8
 _CLIPPED_SHARE = 0.02
 
 
@@ -83,6 +83,20 @@ class View:
         pixels, _ = cv2.projectPoints(flat, rotation_vector, self.translation, self.camera_matrix, self.distortion)
         return np.asarray(pixels, np.float64).reshape(*points.shape[:-1], 2)
 
+    def footprint(self, points: Array, pitch: float) -> tuple[Array, Array]:
+        """Return how many pixels (..., 2) the picture moves for one `pitch` along x and along y of the sample.
+
+        Distortion is left out: it changes the size of a footprint by less than a percent.
+        """
+        in_camera = points @ self.rotation.T + self.translation
+        z = in_camera[..., 2:]
+        focal = np.array([self.camera_matrix[0, 0], self.camera_matrix[1, 1]])
+        along_x, along_y = (
+            pitch * focal / z * (self.rotation[:2, axis] - in_camera[..., :2] / z * self.rotation[2, axis])
+            for axis in (0, 1)
+        )
+        return along_x, along_y
+
 
 @dataclass(frozen=True, slots=True)
 class Rectified:
@@ -133,11 +147,7 @@ def rectify(
         Size of a grid pixel, mm.
     """
     pixels = view.project(points)
-    step = 0.5 * pitch
-    # d(pixel) / d(grid pixel) along x and y: the footprint of a grid pixel in the picture.
-    right, up = np.array([step, 0.0, 0.0]), np.array([0.0, step, 0.0])
-    along_x = view.project(points + right) - view.project(points - right)
-    along_y = view.project(points + up) - view.project(points - up)
+    along_x, along_y = view.footprint(points, pitch)
     cell = channel_of_cell(bayer_pattern)
     n_channels = int(cell.max()) + 1
     radiance, noise, clipped = _gather(mean, variance, saturated, cell, n_channels, pixels, along_x, along_y)

@@ -251,6 +251,9 @@ def _dataset(file: Any, path: str) -> Any:
         parent = parent.get(name)
     if not isinstance(parent, h5py.Dataset) or parent.is_virtual or parent.external:
         return None
+    # A soft link may lead to an external one; what counts is where the data lie.
+    if parent.file.filename != file.filename:
+        return None
     return parent
 
 
