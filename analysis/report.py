@@ -129,7 +129,7 @@ def _maps(result: Result) -> list[tuple[str, str]]:
     drawn = [
         ("Normals, false colour", figures.picture(figures.normal_colours(result.normals))),
         ("Relit from the right, seen from above", figures.picture(_lit(result, overhead, aside))),
-        ("Diffuse albedo (π f at 45°)", figures.picture(figures.display_colours(albedo))),
+        ("Diffuse albedo (π f at 45° or as far as seen)", figures.picture(figures.display_colours(albedo))),
         ("Groups of like reflectance", figures.group_map(result.as_map(group_materials(fits)))),
         (
             "Stated sigma of the normal",

@@ -37,7 +37,11 @@ FLAG_NAMES = {
     pixel_solver.POOR_FIT: "poor fit",
 }
 DIFFUSE_REFERENCE_DEG = 45.0
-"""Half angle at which the curve stands for the diffuse albedo: beyond most lobes, short of the grazing atoms."""
+"""Half angle at which the curve stands for the diffuse albedo: beyond most lobes, short of the grazing atoms.
+A pixel that was not seen so far out is read at the largest half angle it was seen at."""
+
+
+_ALBEDO_MEANING = f"pi f at {DIFFUSE_REFERENCE_DEG:g} deg, or as far as seen"
 
 
 @dataclass(frozen=True)
@@ -91,10 +95,16 @@ class Result:
 
 
 def diffuse_albedo(fits: PixelFits) -> Array:
-    """Return pi times the curve at `DIFFUSE_REFERENCE_DEG`, shape (P, C): the albedo of a Lambertian alike there."""
-    angle = np.full(len(fits.normals), np.deg2rad(DIFFUSE_REFERENCE_DEG))
+    """Return pi f at `DIFFUSE_REFERENCE_DEG` or the largest half angle seen: the albedo of a Lambertian alike there.
+
+    Returns
+    -------
+    ndarray, shape (P, C)
+    """
+    solved = np.isfinite(fits.normals[:, 0])
+    angle = np.where(solved, np.minimum(fits.theta_h_range[:, 1], np.deg2rad(DIFFUSE_REFERENCE_DEG)), 0.0)
     albedo = np.pi * fits.brdf(Cosines.on_slice(angle))
-    albedo[~np.isfinite(fits.normals[:, 0])] = np.nan
+    albedo[~solved] = np.nan
     return albedo
 
 
@@ -161,7 +171,12 @@ def _write_maps(group: Any, result: Result) -> None:
         ("flags", fits.flags, "", ""),
         ("reduced_chi2", fits.reduced_chi2.astype(np.float32), "", ""),
         ("theta_h_range", fits.theta_h_range.astype(np.float32), "rad", "smallest and largest half angle seen"),
-        ("diffuse_albedo", diffuse_albedo(fits).astype(np.float32), "", f"pi f at {DIFFUSE_REFERENCE_DEG:g} deg"),
+        (
+            "diffuse_albedo",
+            diffuse_albedo(fits).astype(np.float32),
+            "",
+            f"pi f at {DIFFUSE_REFERENCE_DEG:g} deg or as far as seen",
+        ),
         ("material", group_materials(fits), "", "groups of like curves, largest first; -1 = unsolved"),
     ]
     for name, values, units, meaning in maps:

@@ -148,7 +148,7 @@ def result_from_stack(
 
 def figures_table(summary: dict[str, Any]) -> str:
     """Return the figures that a user looks at first, as text."""
-    rows = [("", "mean", "median", "95 %")]
+    rows: list[tuple[str, ...]] = [("", "mean", "median", "95 %")]
     for name, key in (("normal error, deg", "normal_error_deg"), ("stated sigma, deg", "normal_sigma_deg")):
         if key in summary:
             rows.append((name, *(f"{summary[key][k]:.3f}" for k in ("mean", "median", "p95"))))

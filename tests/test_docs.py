@@ -1,0 +1,55 @@
+"""What the documentation says can be typed, and what it points at is there."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import click
+import pytest
+
+from cli.main import halfangle
+from instrument.config import load_protocol, load_rig
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+COMMAND_LINES = sorted(
+    {
+        line.strip()
+        for page in PAGES
+        for block in re.findall(r"```sh\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+        for line in block.splitlines()
+        if line.startswith("halfangle ")
+    }
+)
+
+
+def test_the_documentation_shows_commands() -> None:
+    assert len(COMMAND_LINES) >= 10
+
+
+@pytest.mark.parametrize("line", COMMAND_LINES)
+def test_every_command_in_the_documentation_can_be_parsed(line: str) -> None:
+    arguments = shlex.split(line, comments=True)[1:]
+    group: click.Command = halfangle
+    context = click.Context(halfangle)
+    while isinstance(group, click.Group):
+        name, command, arguments = group.resolve_command(context, arguments)
+        assert command is not None
+        context, group = click.Context(command, info_name=name, parent=context), command
+    # Parses and checks every option; runs nothing.
+    group.make_context(group.name, arguments)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_between_pages_lead_somewhere(page: Path) -> None:
+    links = re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8"))
+    missing = [link for link in links if "://" not in link and not (page.parent / link).exists()]
+    assert missing == []
+
+
+def test_the_examples_are_valid() -> None:
+    assert load_rig(ROOT / "examples" / "simulated.toml").name
+    for protocol in ("hdr_sweep.toml", "quick_sweep.toml"):
+        assert load_protocol(ROOT / "examples" / protocol).name
