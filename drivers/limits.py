@@ -36,6 +36,5 @@ class Limits:
         """
         if value not in self:
             raise DeviceLimitError(
-                f"{name} is {value:g} {self.unit}; "
-                f"allowed is {self.low:g} to {self.high:g} {self.unit}. {remedy}"
+                f"{name} is {value:g} {self.unit}; allowed is {self.low:g} to {self.high:g} {self.unit}. {remedy}"
             )

@@ -1,0 +1,47 @@
+# `make demo` and `make test` set everything up by themselves; both are safe to repeat.
+BIN := .venv/bin
+# Where Qt's system libraries are missing, the window's tests are left out, with a word about it.
+NO_GUI = $$($(BIN)/python -c 'import PySide6.QtWidgets' 2>/dev/null || \
+	{ echo "tests: left out tests/gui, Qt's system libraries are missing (see make setup)" >&2; \
+	echo "-p no:pytest-qt --ignore=tests/gui"; })
+
+.PHONY: help setup demo test soak lint format constraints clean
+
+help: ## show this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
+
+setup: ## make .venv ready; does nothing when it is
+	@scripts/setup.sh
+
+demo: setup ## simulated rig to scored report, into demo/
+	$(BIN)/halfangle demo -o demo --force
+
+test: export QT_QPA_PLATFORM = offscreen
+test: setup ## the test suite without the longer campaigns
+	$(BIN)/pytest -q -m "not slow" $(NO_GUI)
+
+soak: export QT_QPA_PLATFORM = offscreen
+soak: setup ## the longer campaigns
+	@# Exit code 5: no such test is collected, which is no failure here.
+	$(BIN)/pytest -q -m slow $(NO_GUI) || [ $$? -eq 5 ]
+
+lint: setup ## ruff, mypy, the import contracts, and no machine's name in the files
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	scripts/check_tracked_files.sh
+
+format: setup ## let ruff put the files in order
+	$(BIN)/ruff check --fix-only .
+	$(BIN)/ruff format .
+
+constraints: setup ## pin every dependency with its hashes, from pyproject.toml
+	CUSTOM_COMPILE_COMMAND="make constraints" $(BIN)/pip-compile --quiet --upgrade --generate-hashes \
+		--no-emit-index-url --no-emit-trusted-host --no-emit-find-links \
+		--extra dev --extra gui --build-deps-for editable --allow-unsafe --strip-extras --no-annotate \
+		--output-file constraints.txt pyproject.toml
+
+clean: ## remove caches, builds and the demo; keeps .venv
+	rm -rf demo build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	find analysis cli drivers gui instrument protocols tests -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,193 @@
+"""The operator's window: live picture, exposure time, the state of the light, and a STOP that cannot be missed."""
+
+from __future__ import annotations
+
+import signal
+
+from PySide6.QtCore import QSignalBlocker, Qt, QTimer
+from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut
+from PySide6.QtWidgets import (
+    QAbstractSpinBox,
+    QApplication,
+    QDoubleSpinBox,
+    QFormLayout,
+    QHBoxLayout,
+    QLabel,
+    QMainWindow,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from drivers.camera import CameraDescription, Frame
+from drivers.registry import open_devices
+from gui.acquisition import Acquisition, LightSign
+from gui.live_view import LiveView
+from instrument.config import RigConfig
+from instrument.rig import OpenDevices
+
+MS = 1e-3
+"""A millisecond in seconds."""
+
+# To be read from two metres.
+LIGHT_STYLES = {
+    LightSign.OFF: "background: #20262c; color: #8fa3b3; font: bold 20px; padding: 10px",
+    LightSign.ON: "background: #ffb000; color: black; font: bold 20px; padding: 10px",
+    LightSign.UNKNOWN: "background: #d000b0; color: white; font: bold 20px; padding: 10px",
+}
+STOP_STYLE = "background: #c00000; color: white; font: bold 26px; padding: 18px"
+BANNER_STYLE = "background: #c00000; color: white; font: 15px; padding: 8px"
+
+
+class MainWindow(QMainWindow):
+    """Mirrors an acquisition and sends to it; holds no state of its own.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig to show; it is opened at once, dark.
+    devices : callable, optional
+        Makes the devices of `config`.
+    """
+
+    def __init__(self, config: RigConfig, devices: OpenDevices = open_devices) -> None:
+        super().__init__()
+        self.setWindowTitle(f"halfangle: {config.name}")
+        self.acquisition = Acquisition(config, devices, self)
+        self.live_view = LiveView()
+        self.camera_label = QLabel()
+        self.exposure_box = _exposure_box()
+        self.read_back_label = QLabel()
+        self.light_label = QLabel(alignment=Qt.AlignmentFlag.AlignCenter)
+        self.connect_button = QPushButton("Connect")
+        self.live_button = QPushButton("Live (light on)")
+        self.stop_button = QPushButton("STOP (Esc)")
+        self.stop_button.setStyleSheet(STOP_STYLE)
+        self.banner = QLabel(wordWrap=True)
+        self.banner.setStyleSheet(BANNER_STYLE)
+        # A stop can fall just before an exposure: it is repeated until the light is known to be off.
+        self._until_dark = QTimer(self, interval=100)
+        self._lay_out()
+        self._wire()
+        self._show_light(LightSign.UNKNOWN)
+        self.connect_rig()
+
+    def connect_rig(self) -> None:
+        """Open the rig in the acquisition's thread."""
+        self.banner.hide()
+        self._enable(connected=False)
+        self.connect_button.setEnabled(False)
+        self.camera_label.setText("connecting")
+        self.acquisition.start()
+
+    def stop(self) -> None:
+        """Light off, exposure ended."""
+        self.acquisition.stop()
+        if self.acquisition.isRunning():
+            self._until_dark.start()
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        """Leave the rig dark before the window goes."""
+        self.acquisition.close()
+        event.accept()
+
+    def _wire(self) -> None:
+        self.acquisition.opened.connect(self._show_camera)
+        self.acquisition.frame_arrived.connect(self._show_frame)
+        self.acquisition.exposure_time_read.connect(self._show_exposure_time)
+        self.acquisition.light_changed.connect(self._show_light)
+        self.acquisition.failed.connect(self._show_failure)
+        self.acquisition.finished.connect(self._show_disconnected)
+        self.exposure_box.valueChanged.connect(lambda value: self.acquisition.set_exposure_time(value * MS))
+        self.connect_button.clicked.connect(self.connect_rig)
+        self.live_button.clicked.connect(self.acquisition.go_live)
+        self.stop_button.clicked.connect(self.stop)
+        QShortcut(QKeySequence(Qt.Key.Key_Escape), self).activated.connect(self.stop)
+        self._until_dark.timeout.connect(self.acquisition.stop)
+
+    def _show_camera(self, camera: CameraDescription) -> None:
+        self.camera_label.setText(f"{camera.make} {camera.model}\n{camera.serial_number}")
+        self.live_view.expect(camera)
+        limits = camera.exposure_time_limits
+        with QSignalBlocker(self.exposure_box):
+            self.exposure_box.setRange(limits.low / MS, limits.high / MS)
+        self.exposure_box.setToolTip(f"{limits.low:g} to {limits.high:g} {limits.unit}")
+        self._enable(connected=True)
+
+    def _show_frame(self, frame: Frame) -> None:
+        self.live_view.show_counts(frame.counts)
+        self.acquisition.go_on()
+
+    def _show_exposure_time(self, exposure_time: float) -> None:
+        self.read_back_label.setText(f"{exposure_time / MS:.3f} ms")
+        # Once the operator turns the box, an older read-back must not turn it back.
+        if not self.exposure_box.isEnabled():
+            with QSignalBlocker(self.exposure_box):
+                self.exposure_box.setValue(exposure_time / MS)
+
+    def _show_light(self, sign: LightSign) -> None:
+        self.light_label.setText(sign.value)
+        self.light_label.setStyleSheet(LIGHT_STYLES[sign])
+        if sign is LightSign.OFF:
+            self._until_dark.stop()
+
+    def _show_failure(self, what: str) -> None:
+        self.banner.setText(what)
+        self.banner.show()
+
+    def _show_disconnected(self) -> None:
+        self._until_dark.stop()
+        self.camera_label.setText("not connected")
+        self._enable(connected=False)
+
+    def _enable(self, *, connected: bool) -> None:
+        self.connect_button.setEnabled(not connected)
+        self.live_button.setEnabled(connected)
+        self.exposure_box.setEnabled(connected)
+
+    def _lay_out(self) -> None:
+        centre = QWidget()
+        rows = QVBoxLayout(centre)
+        columns = QHBoxLayout()
+        columns.addLayout(self._left_column())
+        columns.addWidget(self.live_view, stretch=1)
+        rows.addLayout(columns, stretch=1)
+        rows.addWidget(self.banner)
+        self.setCentralWidget(centre)
+        self.resize(1200, 760)
+
+    def _left_column(self) -> QVBoxLayout:
+        form = QFormLayout()
+        form.addRow("Camera", self.camera_label)
+        form.addRow("Exposure time", self.exposure_box)
+        form.addRow("Read back", self.read_back_label)
+        column = QVBoxLayout()
+        column.addWidget(self.light_label)
+        column.addLayout(form)
+        column.addWidget(self.connect_button)
+        column.addWidget(self.live_button)
+        column.addStretch()
+        column.addWidget(self.stop_button)
+        return column
+
+
+def _exposure_box() -> QDoubleSpinBox:
+    box = QDoubleSpinBox(decimals=3, suffix=" ms", maximum=1e6)
+    # A number half typed is no exposure time yet.
+    box.setKeyboardTracking(False)
+    box.setStepType(QAbstractSpinBox.StepType.AdaptiveDecimalStepType)
+    return box
+
+
+def run(config: RigConfig) -> int:
+    """Show the window until it is closed, also by Ctrl-C; return Qt's exit code."""
+    application = QApplication([])
+    window = MainWindow(config)
+    window.show()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: window.close())
+    # Python sees to signals only while it runs, which it does not by itself inside Qt's loop.
+    heartbeat = QTimer(interval=200)
+    heartbeat.timeout.connect(lambda: None)
+    heartbeat.start()
+    return application.exec()

@@ -1,0 +1,26 @@
+#!/bin/sh
+# No tracked file may name a package registry's host or a path of somebody's machine.
+set -eu
+cd "$(dirname "$0")/.."
+if ! git rev-parse --is-inside-work-tree >/dev/null 2>&1; then
+    echo "check_tracked_files: no git checkout, nothing to check"
+    exit 0
+fi
+
+hosts='pypi[a-z-]*\.[a-z]|python[h]osted|(registry|mirror|proxy|index)\.[a-z-]+\.[a-z]|(index-url|trusted-host|find-links)[= ]+[a-z/]'
+paths='(^|[^A-Za-z0-9_.-])/(home|root|Users|work)/[A-Za-z]'
+found=0
+for pattern in "$hosts" "$paths"; do
+    # Exit code 1 says that nothing was found; anything above is a failure of git itself.
+    status=0
+    git grep -nIE -e "$pattern" -- . ':!*.csv' || status=$?
+    case $status in
+    0) found=1 ;;
+    1) ;;
+    *) exit "$status" ;;
+    esac
+done
+if [ "$found" = 1 ]; then
+    echo "check_tracked_files: the lines above name a registry's host or a machine's path; take it out" >&2
+    exit 1
+fi

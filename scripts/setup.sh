@@ -1,0 +1,132 @@
+#!/bin/sh
+# Makes .venv ready: finds a Python, sees to system packages, installs what constraints.txt pins.
+# Safe to repeat and after an interrupted run; when nothing has changed it does nothing.
+# PYTHON=python3.12 scripts/setup.sh takes that interpreter.
+set -eu
+cd "$(dirname "$0")/.."
+here=$(pwd -P)
+PATH=$PATH:/usr/sbin:/sbin # ldconfig lives there, outside a user's path
+venv_python=.venv/bin/python
+stamp=.venv/ready
+
+# Debian package, and what shows that it is there: a command, a file, or a shared library.
+gui_needs='
+libegl1 libEGL.so.1
+libgl1 libGL.so.1
+libglib2.0-0 libgthread-2.0.so.0
+libdbus-1-3 libdbus-1.so.3
+libxkbcommon0 libxkbcommon.so.0
+libxkbcommon-x11-0 libxkbcommon-x11.so.0
+libxcb-cursor0 libxcb-cursor.so.0
+libxcb-icccm4 libxcb-icccm.so.4
+libxcb-keysyms1 libxcb-keysyms.so.1
+libxcb-shape0 libxcb-shape.so.0
+fontconfig fc-list
+fonts-dejavu-core /usr/share/fonts/truetype/dejavu/DejaVuSans.ttf
+'
+
+fail() {
+    echo "setup: $*" >&2
+    exit 1
+}
+
+version_of() {
+    "$1" -c 'import sys; print(".".join(map(str, sys.version_info[:3])))' 2>/dev/null
+}
+
+new_enough() {
+    "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null
+}
+
+find_python() {
+    # Each is run, not only looked up: a version manager's stand-in may be on the path without a Python behind it.
+    for candidate in ${PYTHON:-} python3 python3.13 python3.12 python3.11 python3.14; do
+        if new_enough "$candidate"; then
+            echo "$candidate"
+            return
+        fi
+    done
+    fail "needs Python 3.11 or later; found ${PYTHON:-python3} $(version_of "${PYTHON:-python3}" || echo 'not at all')." \
+        "Install one (Debian 12, Ubuntu 24.04 or later: apt-get install python3 python3-venv) and run this again."
+}
+
+# What this .venv was made from. Its place counts too: its scripts and the editable install hold the path.
+fingerprint() {
+    cat pyproject.toml constraints.txt scripts/setup.sh | cksum
+    version_of "$venv_python"
+    echo "$here"
+}
+
+runs_this() {
+    [ "$(version_of "$venv_python")" = "$(version_of "$1")" ]
+}
+
+is_ready() {
+    [ -f "$stamp" ] && [ "$(fingerprint)" = "$(cat "$stamp")" ] && runs_this "${PYTHON:-$venv_python}"
+}
+
+is_present() {
+    case $1 in
+    *.so.*) ldconfig -p | grep -qF "$1" ;;
+    /*) [ -e "$1" ] ;;
+    *) command -v "$1" >/dev/null ;;
+    esac
+}
+
+missing_gui_packages() {
+    echo "$gui_needs" | while read -r package sign; do
+        if [ -n "$package" ] && ! is_present "$sign"; then printf ' %s' "$package"; fi
+    done
+}
+
+missing_venv_package() {
+    "$1" -c 'import ensurepip, venv' 2>/dev/null || case $1 in
+    python3.*) echo " $1-venv" ;;
+    *) echo " python3-venv" ;;
+    esac
+}
+
+apt_install() {
+    echo "setup: installing$1 with apt-get"
+    # A list that is partly out of reach is often still good enough for what is missing; install says so if not.
+    apt-get update -qq || true
+    # shellcheck disable=SC2086 # the list is words on purpose
+    DEBIAN_FRONTEND=noninteractive apt-get -qq -y -o Dpkg::Use-Pty=0 install --no-install-recommends $1
+}
+
+see_to_system_packages() {
+    needed=$(missing_venv_package "$1")
+    wanted=$(missing_gui_packages)
+    if [ -z "$needed$wanted" ]; then return; fi
+    if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
+        apt_install "$needed$wanted" || [ -z "$needed" ] || fail "apt-get could not install$needed; see above."
+        return
+    fi
+    line="sudo apt-get install$needed$wanted"
+    if [ -n "$needed" ]; then fail "system packages are missing. Run this, then try again: $line"; fi
+    echo "setup: the window and its tests need libraries that are missing. To have them: $line" >&2
+}
+
+# A .venv that runs this Python, with a pip of its own, at this place, can be brought up to date.
+is_usable() {
+    runs_this "$1" &&
+        "$venv_python" -m pip --version >/dev/null 2>&1 &&
+        grep -qF "$here/.venv/" .venv/bin/pip
+}
+
+install() {
+    rm -f "$stamp"
+    is_usable "$1" || "$1" -m venv --clear .venv
+    echo "setup: installing into .venv (about a minute and 0.9 GB the first time)"
+    "$venv_python" -m pip install -q --disable-pip-version-check --require-hashes -r constraints.txt
+    # The build backend is pinned in constraints.txt as well, so nothing arrives that has no hash.
+    "$venv_python" -m pip install -q --disable-pip-version-check --no-build-isolation --no-deps -e .
+    fingerprint >"$stamp.new"
+    mv "$stamp.new" "$stamp"
+}
+
+if is_ready; then exit 0; fi
+python=$(find_python)
+see_to_system_packages "$python"
+install "$python"
+echo "setup: ready ($(version_of "$venv_python"))"
