@@ -13,10 +13,14 @@ from analysis import pixel_solver
 from analysis.dictionary import MODELS, Dictionary
 from analysis.nnls import MAX_ATOMS
 from analysis.pixel_solver import Geometry, Samples, Settings, Solution
-from analysis.reflectance import Cosines
+from analysis.reflectance import GRAZING, Cosines
 from analysis.stack import Stack
 
 Array = NDArray[np.float64]
+
+_NOISE_ROUNDS, _BISECTIONS = 3, 20
+_RELATIVE_ERRORS = (1e-4, 0.2)  # between which the truth lies
+_MEDIAN_CHI2 = 0.4549  # median of chi-square with one degree of freedom
 
 _CHUNK = 512  # pixels a thread takes at a time: small enough to balance, large enough not to matter
 
@@ -159,13 +163,16 @@ class PixelProblem:
                 # One value seen from everywhere: no memory for what was not measured.
                 return np.broadcast_to(np.float32(default), (n, len(self.pixels), n_channels)).astype(np.float32)
             a = a.reshape(n, height * width, n_channels)
-            return a if pixels is None else np.ascontiguousarray(a[:, pixels])
+            return np.ascontiguousarray(a if pixels is None else a[:, pixels])
 
         saturated = None if stack.saturated is None else stack.saturated.reshape(n, height * width, n_channels)
+        # Contiguous all, since numba compiles the solver anew for every other layout.
         self.samples = Samples(
             flat(stack.radiance, 0.0),
             flat(stack.variance, 0.0),
-            np.zeros((n, len(self.pixels), n_channels), np.uint8) if saturated is None else saturated[:, self.pixels],
+            np.zeros((n, len(self.pixels), n_channels), np.uint8)
+            if saturated is None
+            else np.ascontiguousarray(saturated[:, self.pixels]),
         )
 
     def solve(
@@ -223,6 +230,20 @@ class PixelProblem:
             list(pool.map(chunk, range(0, n_pixels, _CHUNK)))
         return self._fits(out, table.scale)
 
+    def model(self, fits: PixelFits) -> Array:
+        """Return what `fits` say of every sample, shape (N, P, C), on the slice theta_d = 0 as they were fitted."""
+        to_light = self.stack.light_position - self.points[:, None]
+        to_camera = self.stack.camera_position - self.points[:, None]
+        d2 = np.sum(to_light**2, axis=-1)
+        omega_i = to_light / np.sqrt(d2)[..., None]
+        h = omega_i + to_camera / np.linalg.norm(to_camera, axis=-1, keepdims=True)
+        h /= np.linalg.norm(h, axis=-1, keepdims=True)
+        normals = fits.normals[:, None]
+        n_dot_l = np.maximum(np.sum(normals * omega_i, axis=-1), 0.0)
+        n_dot_h = np.clip(np.sum(normals * h, axis=-1), GRAZING, 1.0)
+        f = fits.brdf(Cosines(n_dot_h, np.ones_like(n_dot_h), n_dot_h, n_dot_h))
+        return np.moveaxis(f * (self.stack.light_power * n_dot_l / d2)[..., None], 1, 0)
+
     def _fits(self, out: Solution, scale: Array) -> PixelFits:
         low, high = out.n_dot_h_range[:, 0], out.n_dot_h_range[:, 1]
         return PixelFits(
@@ -247,10 +268,11 @@ def sample_pixels(stack: Stack, n_pixels: int, rng: np.random.Generator) -> NDAr
 
 
 def estimate_noise(stack: Stack, dictionary: Dictionary, rng: np.random.Generator) -> Noise:
-    """Find the relative error that makes the typical pixel's residuals fit their stated sigma.
+    """Find the relative error that makes the typical residual fit its stated sigma.
 
     The variance in a stack covers counting noise, not what calibration and registration left over. On a
-    sample of pixels the relative error is raised or lowered until the median reduced chi-square is 1.
+    sample of pixels the relative error is chosen so that the median squared residual over its variance is
+    that of a Gaussian. The median, because a few wrong samples a pixel would pass for noise everywhere.
 
     Parameters
     ----------
@@ -264,11 +286,27 @@ def estimate_noise(stack: Stack, dictionary: Dictionary, rng: np.random.Generato
     floor = (1e-3 if stack.variance is None else 1e-5) * level
     problem = PixelProblem(stack, dictionary, sample_pixels(stack, 600, rng))
     noise = Noise(0.01, floor)
-    for _ in range(3):
+    for _ in range(_NOISE_ROUNDS):
         fits = problem.solve(noise)
-        solved = fits.reduced_chi2[np.isfinite(fits.reduced_chi2)]
-        if solved.size == 0:
+        if not np.isfinite(fits.reduced_chi2).any():
             return noise
-        typical = max(float(np.median(solved)), 1e-6)
-        noise = replace(noise, relative=float(np.clip(noise.relative * np.sqrt(typical), 1e-4, 0.2)))
+        noise = replace(noise, relative=_relative_error(problem, fits, floor))
     return noise
+
+
+def _relative_error(problem: PixelProblem, fits: PixelFits, floor: float) -> float:
+    """Return the relative error at which the median of r^2 / (variance + (relative error m)^2) is a Gaussian's."""
+    samples, model = problem.samples, problem.model(fits)
+    valid = np.isfinite(samples.radiance) & np.isfinite(model) & (samples.saturated == 0)
+    n_samples = valid.sum(axis=(0, 2))
+    n_unknowns = 2 + np.count_nonzero(fits.atom >= 0, axis=(1, 2))
+    # What the fit took out of the residuals.
+    left = np.maximum(n_samples - n_unknowns, 1) / np.maximum(n_samples, 1)
+    r2 = ((samples.radiance - model) ** 2 / left[:, None])[valid]
+    base, m2 = samples.variance[valid].astype(np.float64) + floor**2, model[valid] ** 2
+    low, high = _RELATIVE_ERRORS
+    for _ in range(_BISECTIONS):
+        middle = float(np.sqrt(low * high))
+        too_low = np.median(r2 / (base + middle**2 * m2)) > _MEDIAN_CHI2
+        low, high = (middle, high) if too_low else (low, middle)
+    return float(np.sqrt(low * high))

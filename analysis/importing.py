@@ -219,7 +219,7 @@ def _linearise(
     )
 
 
-def _bin(values: NDArray[np.float32], binning: int) -> NDArray[np.float32]:
+def _bin(values: NDArray[np.floating], binning: int) -> NDArray[np.floating]:
     height, width, channels = values.shape
     rows, columns = height // binning, width // binning
     cut = values[: rows * binning, : columns * binning]

@@ -149,8 +149,8 @@ def pooled_light_offset(stack: Stack) -> LightOffset:
 
     found = []
     for start in 12.0 * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]):
-        options = {"initial_simplex": start + 4.0 * np.array([[0, 0], [1, 0], [0, 1]]), "xatol": 0.02}
-        found.append(minimize(loss, start, method="Nelder-Mead", options=options))
+        simplex = start + 4.0 * np.array([[0, 0], [1, 0], [0, 1]])
+        found.append(minimize(loss, start, method="Nelder-Mead", options={"initial_simplex": simplex, "xatol": 0.02}))
     best = min(found, key=lambda f: float(f.fun))
     noise = np.sqrt(best.fun)
     return LightOffset(np.array([*best.x, 0.0]), np.array([*_sigma_at(losses, best.x, block), np.inf]))

@@ -43,6 +43,8 @@ its tilt."""
 _PEAK = 3.0
 # Atoms narrower than the smallest half angle seen would grow without bound: the curve at theta_h = 0 is
 # held to this many times the brightest sample, one sigma. A peak that was seen hardly feels it.
+_GOOD_FIT = 1.5  # cost a view below which a start has found its minimum and the others are not tried
+_SETTLED = 1e-3  # fall of the cost below which the step was the last: it moved the normal by 3 % of its sigma
 _LONGEST_STEP = 0.25  # rad; beyond it the slope of a curve means nothing
 _CONVERGED_STEP = 1e-5  # rad, about 0.0006 deg
 _POOR_FIT = 25.0  # chi-square per degree of freedom: residuals of five times the stated noise
@@ -161,7 +163,7 @@ def solve_pixels(
                 best_cost = cost
                 best[:] = normal
                 _copy_fit(px, saved)
-            if warm:
+            if warm or cost < _GOOD_FIT * n_views:
                 break
         normal[:] = best
         _copy_fit(saved, px)
@@ -315,7 +317,7 @@ def _median_chi2(px: _Pixel) -> float:
 def _cost(px: _Pixel, settings: Settings, normal: Array, kappa: float) -> float:
     """Cauchy's loss of the views, kappa log(1 + chi^2 / kappa), or plain chi-square."""
     _chi2_of_views(px)
-    total = 2.0 * (1.0 - normal[2]) / NEAR_PLANAR**2 / px.y.shape[0]
+    total = 2.0 * (1.0 - float(normal[2])) / NEAR_PLANAR**2 / px.y.shape[0]
     for v in range(px.chi2.shape[0]):
         robust = settings.robust and math.isfinite(kappa)
         total += kappa * math.log1p(px.chi2[v] / kappa) if robust else px.chi2[v]
@@ -435,8 +437,8 @@ def _fill_atoms(n: Array, px: _Pixel, table: Array32) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _fit_channel(px: _Pixel, settings: Settings, work: Work, ch: int) -> None:
-    """Coefficients of one channel at the atoms in `px.phi`, from the last ones; fills the model."""
+def _fit_channel(px: _Pixel, settings: Settings, work: Work, ch: int, grow: bool) -> None:
+    """Fit one channel's coefficients to the atoms in `px.phi`, from the last ones, new atoms only if `grow`."""
     n_views = px.target.shape[0] - 1
     brightest, n_values = 0.0, 0
     for v in range(n_views):
@@ -449,7 +451,7 @@ def _fit_channel(px: _Pixel, settings: Settings, work: Work, ch: int) -> None:
             n_values += 1
     px.pull[n_views] = 1.0 / (_PEAK * brightest) ** 2 if brightest > 0.0 else 0.0
     # With few views a curve of many atoms would pass through every sample, whatever the normal.
-    most = min(max((n_values - 2) // 2, 1), MAX_ATOMS)
+    most = min(max((n_values - 2) // 2, 1), MAX_ATOMS) if grow else px.n_active[ch]
     px.n_active[ch] = nnls(
         px.phi, px.pull, px.target, settings.tolerance, most, min(px.n_active[ch], most), px.active[ch], px.a[ch], work
     )
@@ -466,7 +468,7 @@ def _evaluate(px: _Pixel, settings: Settings, table: Array32, work: Work, normal
     """Cost at `normal`, coefficients refitted."""
     _fill_atoms(normal, px, table)
     for ch in range(px.y.shape[0]):
-        _fit_channel(px, settings, work, ch)
+        _fit_channel(px, settings, work, ch, True)
     return _cost(px, settings, normal, kappa)
 
 
@@ -497,7 +499,10 @@ def _normal_equations(
     H: Array,
     gradient: Array,
 ) -> None:
-    """H = J^T W J and gradient J^T W r of the tangent parameters, J projected off the active atoms."""
+    """Write H = J^T W J and gradient J^T W r of the tangent parameters, J projected off the active atoms.
+
+    The atoms are those of the last evaluation, which was at this normal or next to it.
+    """
     columns, L = work[0], work[3]
     n_channels, n_views = px.y.shape
     H[:] = 0.0
@@ -509,7 +514,7 @@ def _normal_equations(
         gradient[e] = (t1[2] if e == 0 else t2[2]) / NEAR_PLANAR**2
     _fill_atoms(normal, px, table)
     for ch in range(n_channels):
-        _fit_channel(px, settings, work, ch)
+        _fit_channel(px, settings, work, ch, False)
         m = px.n_active[ch]
         w = px.pull
         for v in range(n_views):
@@ -582,7 +587,7 @@ def _refine(
                 new = _evaluate(px, settings, table, work, trial, kappa)
                 if new < cost:
                     accepted = True
-                    shortest = shortest or cost - new < 1e-7 * cost
+                    shortest = shortest or cost - new < _SETTLED
                     cost = new
                     normal[:] = trial
                     damping = max(0.2 * damping, 1e-7)

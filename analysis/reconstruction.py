@@ -129,7 +129,7 @@ def reconstruct(stack: Stack, options: Options | None = None, stages: Stages | N
     with stages.measure("noise and light"):
         stack, light_choice, light_offset = _choose_light(stack, dictionary, options, rng)
         noise = estimate_noise(stack, dictionary, rng)
-    effects = [Choice("relative error", f"{noise.relative:.4f}", "median reduced chi-square made 1")]
+    effects = [Choice("relative error", f"{noise.relative:.4f}", "the typical residual made one of its stated sigma")]
     surface = stack.pixels == "surface" and not options.independent
     with stages.measure("normals and BRDF"):
         fits = _solve(stack, dictionary, noise, options, None, None)

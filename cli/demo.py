@@ -58,7 +58,7 @@ def demo(folder: Path, json_file: Path | None, quick: bool, force: bool, quiet: 
     stack, calibration = stack_from_session(session, QUICK_PITCH_MM if quick else PITCH_MM, stages)
     stack = with_truth(stack, rig)
     write_stack(stack_file, stack)
-    result = result_from_stack(stack, Options(), stages, 6, calibration)
+    result = result_from_stack(stack, Options(), stages, 6, calibration, stack_file)
     write_result(result_file, result)
     write_report(page, result, "halfangle demo: a simulated relief of five materials")
     figures = {**result.summary, "stages": result.stages, "choices": result.choices}

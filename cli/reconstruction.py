@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -111,7 +113,7 @@ def reconstruct(
 
     stages = Stages(stage_announcer(quiet))
     stack, calibration = read_source(source, pitch, stages)
-    result = result_from_stack(stack, Options(**choices), stages, left_out, calibration)
+    result = result_from_stack(stack, Options(**choices), stages, left_out, calibration, source)
     write_result(output, result)
     if json_file:
         write_json(json_file, {**result.summary, "stages": result.stages, "choices": result.choices})
@@ -131,9 +133,9 @@ def read_source(source: Path, pitch: float | None, stages: Stages) -> tuple[Stac
 
 
 def result_from_stack(
-    stack: Stack, options: Options, stages: Stages, left_out: int, calibration: dict[str, Any]
+    stack: Stack, options: Options, stages: Stages, left_out: int, calibration: dict[str, Any], source: Path
 ) -> Result:
-    """Reconstruct and score."""
+    """Reconstruct and score; `source` is the file that the stack came from, for provenance."""
     from analysis.reconstruction import reconstruct as run
     from analysis.result import result_of
     from analysis.scoring import score, truth_error
@@ -141,6 +143,9 @@ def result_from_stack(
     reconstruction = run(stack, options, stages)
     with stages.measure("views left out"):
         summary = score(reconstruction, left_out)
+    with source.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    summary |= {"options": asdict(options), "source": {"file": source.name, "sha256": digest}}
     if calibration:
         summary["calibration"] = calibration
     return result_of(reconstruction, stages, summary, truth_error(reconstruction))
