@@ -308,9 +308,16 @@ def _chi2_of_views(px: _Pixel) -> None:
 
 @njit(cache=True, nogil=True)
 def _median_chi2(px: _Pixel) -> float:
+    """Return the median over the views that see the pixel, as a share of what noise alone would give."""
     _chi2_of_views(px)
-    # The median of chi-square with one degree of freedom is 0.455; with three 0.789 of the mean.
-    return float(np.median(px.chi2)) / 0.6
+    seen = np.empty(px.chi2.shape[0])
+    n_seen = 0
+    for v in range(px.chi2.shape[0]):
+        if _brightness(px, v) >= 0.0:
+            seen[n_seen] = px.chi2[v]
+            n_seen += 1
+    # The median of chi-square with one degree of freedom is 0.455, with three 0.789 of the mean.
+    return float(np.median(seen[:n_seen])) / 0.6 if n_seen > 0 else 1.0
 
 
 @njit(cache=True, nogil=True)
@@ -321,7 +328,7 @@ def _cost(px: _Pixel, settings: Settings, normal: Array, kappa: float) -> float:
     for v in range(px.chi2.shape[0]):
         robust = settings.robust and math.isfinite(kappa)
         total += kappa * math.log1p(px.chi2[v] / kappa) if robust else px.chi2[v]
-    return total
+    return float(total)
 
 
 @njit(cache=True, nogil=True)

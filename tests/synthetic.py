@@ -44,11 +44,11 @@ def brdf(normal: Array, light: Array, view: Array, material: NDArray[np.int64]) 
     """Return f of three materials (matte, satin, glossy), last axis 3 channels."""
     h = light + view
     h = h / np.linalg.norm(h, axis=-1, keepdims=True)
-    dot = lambda a, b: np.maximum(np.sum(a * b, axis=-1), 1e-3)  # noqa: E731
     alpha = np.array([0.6, 0.3, 0.12])[material]
     strength = np.array([0.0, 0.04, 0.06])[material]
     albedo = np.array([[0.5, 0.3, 0.2], [0.1, 0.3, 0.4], [0.3, 0.25, 0.05]])[material]
-    spec = strength * ggx(dot(normal, h), dot(normal, light), dot(normal, view), alpha)
+    n_dot_h, n_dot_l, n_dot_v = (np.maximum(np.sum(normal * d, axis=-1), 1e-3) for d in (h, light, view))
+    spec = strength * ggx(n_dot_h, n_dot_l, n_dot_v, alpha)
     return albedo / np.pi + spec[..., None]
 
 
@@ -57,18 +57,20 @@ def make_stack(
     size: int = 32,
     pitch: float = 0.4,
     noise: float = 0.005,
+    floor: float = 0.001,
     light_offset: tuple[float, float, float] = (0.0, 0.0, 0.0),
     registered_to: str = "surface",
     seed: int = 0,
 ) -> Stack:
-    """Return a stack with its truth; `registered_to` is ``"surface"`` or ``"plane"`` (then with parallax)."""
+    """Return a stack with its truth; `registered_to` is ``"surface"`` or ``"plane"`` (then with parallax).
+
+    One sigma of a radiance is `noise` times itself plus `floor` times the median.
+    """
     rng = np.random.default_rng(seed)
     camera = camera_ring(n_views)
     rotation = _looking_down(camera)
     light = camera + np.einsum("nij,i->nj", rotation, np.array(light_offset))
-    x, y = np.meshgrid(
-        (np.arange(size) - (size - 1) / 2) * pitch, ((size - 1) / 2 - np.arange(size)) * pitch
-    )
+    x, y = np.meshgrid((np.arange(size) - (size - 1) / 2) * pitch, ((size - 1) / 2 - np.arange(size)) * pitch)
     z, n = relief(x, y)
     radiance = np.empty((n_views, size, size, 3))
     for v in range(n_views):
@@ -77,7 +79,7 @@ def make_stack(
             xv, yv = _seen_through_plane(camera[v], x, y)
             zv = relief(xv, yv)[0]
         radiance[v] = _shade(np.stack([xv, yv, zv], axis=-1), relief(xv, yv)[1], camera[v], light[v])
-    sigma = noise * radiance + 0.001 * np.median(radiance)
+    sigma = noise * radiance + floor * np.median(radiance)
     noisy = radiance + sigma * rng.standard_normal(radiance.shape)
     return Stack(
         radiance=noisy.astype(np.float32),
@@ -99,10 +101,10 @@ def material_at(x: Array, y: Array) -> NDArray[np.int64]:
 def _shade(points: Array, normal: Array, camera: Array, light: Array) -> Array:
     to_light, to_camera = light - points, camera - points
     d2 = np.sum(to_light**2, axis=-1, keepdims=True)
-    l = to_light / np.sqrt(d2)  # noqa: E741
-    v = to_camera / np.linalg.norm(to_camera, axis=-1, keepdims=True)
-    cosine = np.maximum(np.sum(normal * l, axis=-1, keepdims=True), 0.0)
-    return brdf(normal, l, v, material_at(points[..., 0], points[..., 1])) * cosine / d2
+    omega_i = to_light / np.sqrt(d2)
+    omega_o = to_camera / np.linalg.norm(to_camera, axis=-1, keepdims=True)
+    cosine = np.maximum(np.sum(normal * omega_i, axis=-1, keepdims=True), 0.0)
+    return brdf(normal, omega_i, omega_o, material_at(points[..., 0], points[..., 1])) * cosine / d2
 
 
 def _seen_through_plane(camera: Array, x: Array, y: Array) -> tuple[Array, Array]:

@@ -1,0 +1,169 @@
+import cv2
+import numpy as np
+import pytest
+
+from analysis.rectification import Grid, Rectified, View, channel_of_cell, rectify
+
+HEIGHT, WIDTH = 240, 320
+DISTORTION = np.array([-0.12, 0.05, 0.001, -0.0005, 0.0])
+
+
+def tilted_view(tilt_deg: float = 35.0, azimuth_deg: float = 30.0, distortion: np.ndarray = DISTORTION) -> View:
+    """A camera 150 mm away that looks at the centre; 2.4 pixels a millimetre."""
+    tilt, azimuth = np.deg2rad([tilt_deg, azimuth_deg])
+    centre = 150.0 * np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
+    forward = -centre / np.linalg.norm(centre)
+    right = np.cross(forward, [0.0, 1.0, 0.0])
+    right /= np.linalg.norm(right)
+    rotation = np.stack([right, np.cross(forward, right), forward])
+    matrix = np.array([[360.0, 0.0, 161.3], [0.0, 362.0, 118.2], [0.0, 0.0, 1.0]])
+    return View(matrix, distortion, rotation, -rotation @ centre)
+
+
+VIEW = tilted_view()
+GRID = Grid(30, 40, 0.6)
+X, Y = (a.astype(np.float64) for a in np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT)))
+
+
+def plane_points_under_pixels(view: View) -> tuple[np.ndarray, np.ndarray]:
+    """Return x and y on the sample of the centre of every pixel, by intersecting its ray with the plane."""
+    pixels = np.stack([X, Y], axis=-1).reshape(-1, 1, 2)
+    ideal = cv2.undistortPoints(
+        pixels,
+        view.camera_matrix,
+        view.distortion,
+        criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-12),
+    ).reshape(-1, 2)
+    rays = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1) @ view.rotation
+    centre = -view.rotation.T @ view.translation
+    points = centre - rays * (centre[2] / rays[:, 2])[:, None]
+    return points[:, 0].reshape(HEIGHT, WIDTH), points[:, 1].reshape(HEIGHT, WIDTH)
+
+
+def on_grid(picture: np.ndarray, pattern: str = "", view: View = VIEW, grid: Grid = GRID, **maps) -> Rectified:
+    variance = maps.get("variance", np.ones_like(picture))
+    saturated = maps.get("saturated", np.zeros(picture.shape, np.bool_))
+    return rectify(
+        picture.astype(np.float32), variance.astype(np.float32), saturated, pattern, view, grid.points(), grid.pitch
+    )
+
+
+def wave(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return 2.0 + np.sin(0.5 * x + 0.3) * np.cos(0.4 * y)
+
+
+def test_row_zero_of_the_grid_is_the_top_and_y_points_up():
+    points = Grid(3, 5, 2.0).points()
+    np.testing.assert_allclose(points[0, 0], [-4.0, 2.0, 0.0])
+    np.testing.assert_allclose(points[-1, -1], [4.0, -2.0, 0.0])
+    np.testing.assert_allclose(points[1, 2], 0.0)
+
+
+def test_the_depth_is_the_third_coordinate_of_the_grid():
+    depth = np.arange(15.0).reshape(3, 5)
+    np.testing.assert_array_equal(Grid(3, 5, 2.0).points(depth)[..., 2], depth)
+
+
+def test_a_grid_covers_the_area_to_half_a_pixel():
+    assert Grid.covering((100.0, 50.0), 0.5) == Grid(100, 200, 0.5)
+    assert Grid.covering((0.1, 0.1), 0.5) == Grid(1, 1, 0.5)
+
+
+def test_projection_is_that_of_a_pinhole_with_the_lens_distortion():
+    point = np.array([3.0, -4.0, 1.0])
+    x, y, z = VIEW.rotation @ point + VIEW.translation
+    k1, k2, p1, p2, _ = DISTORTION
+    u, v = x / z, y / z
+    r2 = u * u + v * v
+    radial = 1.0 + k1 * r2 + k2 * r2 * r2
+    u, v = u * radial + 2 * p1 * u * v + p2 * (r2 + 2 * u * u), v * radial + p1 * (r2 + 2 * v * v) + 2 * p2 * u * v
+    np.testing.assert_allclose(VIEW.project(point), [360.0 * u + 161.3, 362.0 * v + 118.2], rtol=1e-9)
+
+
+@pytest.mark.parametrize("pattern", ["", "RGGB", "GBRG"])
+def test_an_even_picture_stays_even(pattern: str):
+    np.testing.assert_allclose(on_grid(np.full((HEIGHT, WIDTH), 3.0), pattern).radiance, 3.0, rtol=1e-5)
+
+
+@pytest.mark.parametrize("pattern", ["", "RGGB", "BGGR"])
+def test_a_linear_ramp_is_reproduced_at_the_place_of_each_grid_pixel(pattern: str):
+    out = on_grid(5.0 + 0.02 * X - 0.01 * Y, pattern)
+    truth = 5.0 + 0.02 * out.pixels[..., 0] - 0.01 * out.pixels[..., 1]
+    np.testing.assert_allclose(out.radiance, np.repeat(truth[..., None], out.radiance.shape[-1], axis=-1), atol=1e-4)
+
+
+@pytest.mark.parametrize("pattern", ["", "RGGB"])
+def test_a_pattern_on_the_plane_comes_back_where_it_was(pattern: str):
+    """A shift shows as a share of the pattern's derivatives in what came back."""
+    out = on_grid(wave(*plane_points_under_pixels(VIEW)), pattern)
+    x, y, _ = np.moveaxis(GRID.points(), -1, 0)
+    step = 1e-4
+    d_x = (wave(x + step, y) - wave(x - step, y)) / (2 * step)
+    d_y = (wave(x, y + step) - wave(x, y - step)) / (2 * step)
+    A = np.stack([np.ones_like(x), wave(x, y), d_x, d_y], axis=-1).reshape(-1, 4)
+    for channel in np.moveaxis(out.radiance, -1, 0):
+        _, amplitude, shift_x, shift_y = np.linalg.lstsq(A, channel.ravel().astype(np.float64), rcond=None)[0]
+        assert amplitude == pytest.approx(1.0, abs=0.05)
+        assert np.hypot(shift_x, shift_y) * 2.4 < 0.02
+
+
+def test_a_neutral_picture_has_equal_channels():
+    out = on_grid(wave(*plane_points_under_pixels(VIEW)), "RGGB").radiance
+    assert out.shape[-1] == 3
+    np.testing.assert_allclose(out[..., 0], out[..., 1], rtol=0.01)
+    np.testing.assert_allclose(out[..., 2], out[..., 1], rtol=0.01)
+
+
+def test_each_channel_takes_from_its_own_colour_only():
+    picture = np.zeros((HEIGHT, WIDTH))
+    picture[0::2, 0::2], picture[1::2, 1::2] = 1.0, 3.0
+    picture[0::2, 1::2] = picture[1::2, 0::2] = 2.0
+    np.testing.assert_allclose(
+        on_grid(picture, "RGGB").radiance, np.broadcast_to([1.0, 2.0, 3.0], (30, 40, 3)), rtol=1e-5
+    )
+    np.testing.assert_allclose(
+        on_grid(picture, "BGGR").radiance, np.broadcast_to([3.0, 2.0, 1.0], (30, 40, 3)), rtol=1e-5
+    )
+
+
+def test_the_cell_of_a_pattern_is_read_row_by_row():
+    np.testing.assert_array_equal(channel_of_cell("grbg"), [[1, 0], [2, 1]])
+    np.testing.assert_array_equal(channel_of_cell(""), [[0, 0], [0, 0]])
+
+
+@pytest.mark.parametrize("pattern", ["", "RGGB"])
+def test_the_stated_variance_is_the_scatter_over_draws(pattern: str):
+    rng = np.random.default_rng(0)
+    sigma = 0.5 + X / WIDTH
+    draws = [on_grid(sigma * rng.standard_normal(sigma.shape), pattern, variance=sigma**2) for _ in range(60)]
+    scatter = np.var([d.radiance for d in draws], axis=0)
+    ratio = scatter / draws[0].variance
+    assert ratio.mean() == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_coarse_grid_averages_more_noise_away():
+    fine, coarse = (on_grid(np.ones((HEIGHT, WIDTH)), grid=Grid(8, 8, pitch)) for pitch in (0.2, 3.0))
+    assert coarse.variance.mean() < 0.3 * fine.variance.mean()
+
+
+def test_what_lies_outside_the_picture_is_missing():
+    out = on_grid(np.ones((HEIGHT, WIDTH)), grid=Grid(30, 40, 6.0))
+    x, y = np.moveaxis(out.pixels, -1, 0)
+    outside = (x < 0) | (x > WIDTH - 1) | (y < 0) | (y > HEIGHT - 1)
+    well_inside = (x > 20) & (x < WIDTH - 21) & (y > 20) & (y < HEIGHT - 21)
+    assert outside.any()
+    assert well_inside.any()
+    missing = np.isnan(out.radiance[..., 0])
+    assert missing[outside].all()
+    assert not missing[well_inside].any()
+    np.testing.assert_array_equal(missing, np.isnan(out.variance[..., 0]))
+
+
+def test_a_clipped_pixel_marks_the_grid_pixels_that_it_weighs_in():
+    saturated = np.zeros((HEIGHT, WIDTH), np.bool_)
+    i, j = 12, 17
+    x, y = VIEW.project(GRID.points())[i, j]
+    saturated[round(y), round(x)] = True
+    marked = on_grid(np.ones((HEIGHT, WIDTH)), saturated=saturated).saturated[..., 0]
+    assert marked[i, j] == 1
+    assert 1 <= marked.sum() <= 25

@@ -1,0 +1,198 @@
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from analysis.dictionary import Atom, Dictionary
+from analysis.fitting import PixelFits
+from analysis.materials import group_materials
+from analysis.reconstruction import Reconstruction
+from analysis.reflectance import Cosines
+from analysis.result import (
+    FLAG_NAMES,
+    MODEL_NAMES,
+    Result,
+    diffuse_albedo,
+    model_used,
+    read_result,
+    result_of,
+    write_result,
+)
+from analysis.scoring import truth_error
+from analysis.stack import write_stack
+from analysis.stages import Stage
+from instrument.validation import InvalidInputError
+
+
+@pytest.fixture(scope="module")
+def result(reconstruction: Reconstruction) -> Result:
+    stages = [Stage("depth", 0.5, 100.0)]
+    return result_of(reconstruction, stages, {"n_views": 40}, truth_error(reconstruction))
+
+
+@pytest.fixture
+def path(result: Result, tmp_path: Path) -> Path:
+    path = tmp_path / "sample.result.h5"
+    write_result(path, result)
+    return path
+
+
+def test_a_result_reads_back_as_it_was_written(result: Result, path: Path):
+    back = read_result(path)
+    np.testing.assert_allclose(back.normals, result.normals, atol=1e-6)
+    np.testing.assert_allclose(back.depth, result.depth, atol=1e-6)
+    np.testing.assert_allclose(back.depth_sigma, result.depth_sigma, rtol=1e-5)
+    np.testing.assert_allclose(back.truth_error, result.truth_error, rtol=1e-4)
+    np.testing.assert_allclose(back.fits.coefficient, result.fits.coefficient, rtol=1e-6)
+    np.testing.assert_array_equal(back.fits.atom, result.fits.atom)
+    np.testing.assert_array_equal(back.fits.flags, result.fits.flags)
+    assert back.fits.dictionary == result.fits.dictionary
+    assert (back.grid, back.choices, back.stages, back.summary) == (
+        result.grid,
+        result.choices,
+        result.stages,
+        result.summary,
+    )
+
+
+def test_the_brdf_survives_the_file(result: Result, path: Path):
+    cosines = Cosines.on_slice(np.broadcast_to(np.deg2rad([5.0, 30.0, 60.0]), (576, 3)))
+    np.testing.assert_allclose(read_result(path).fits.brdf(cosines), result.fits.brdf(cosines), rtol=1e-5)
+
+
+def test_a_result_is_never_overwritten(result: Result, path: Path):
+    before = path.read_bytes()
+    with pytest.raises(FileExistsError):
+        write_result(path, result)
+    assert path.read_bytes() == before
+
+
+def test_rendering_a_view_of_the_stack_gives_its_radiance_within_the_noise(reconstruction: Reconstruction, path: Path):
+    stack = reconstruction.stack
+    rendered = read_result(path).render(stack.camera_position[7], stack.light_position[7], stack.light_power[7])
+    sigma = np.hypot(np.sqrt(stack.variance[7]), reconstruction.noise.relative * stack.radiance[7])
+    deviation = (rendered - stack.radiance[7]) / sigma
+    assert np.sqrt(np.mean(deviation**2)) < 2.0
+    assert np.percentile(np.abs(deviation), 99) < 5.0
+
+
+def test_twice_the_power_renders_twice_the_radiance(result: Result):
+    camera = np.array([20.0, 30.0, 340.0])
+    np.testing.assert_allclose(result.render(camera, camera, 2.0), 2.0 * result.render(camera, camera), rtol=1e-9)
+
+
+def test_a_light_behind_the_sample_renders_black(result: Result):
+    assert not result.render(np.array([0.0, 0.0, 300.0]), np.array([0.0, 0.0, -300.0])).any()
+
+
+def test_the_maps_agree_with_each_other(path: Path):
+    with h5py.File(path) as file:
+        maps = file["/entry/result"]
+        solved = np.isfinite(maps["normals"][..., 0])
+        np.testing.assert_array_equal(maps["model"][...] > 0, solved)
+        np.testing.assert_array_equal(maps["material"][...] >= 0, solved)
+        assert list(maps["model"].attrs["names"]) == list(MODEL_NAMES)
+        assert maps["model"][...].max() < len(MODEL_NAMES)
+        assert set(np.unique(maps["flags"][...])) <= {0, *FLAG_NAMES}
+        assert maps["depth"].attrs["units"] == "mm"
+        albedo = maps["diffuse_albedo"][...]
+    np.testing.assert_array_equal(np.isfinite(albedo[..., 0]), solved)
+    assert np.nanmin(albedo) > 0.0
+
+
+def test_the_diffuse_albedo_of_the_matte_stripe_is_its_albedo(reconstruction: Reconstruction):
+    matte = reconstruction.stack.truth.material.ravel() == 0
+    albedo = np.median(diffuse_albedo(reconstruction.fits)[matte], axis=0)
+    np.testing.assert_allclose(albedo, [0.5, 0.3, 0.2], rtol=0.02)
+
+
+def pixels(*atoms: tuple[int, ...]) -> PixelFits:
+    """Return fits of one channel whose pixels use these atoms of (lambert, cosine, lobe, lobe)."""
+    dictionary = Dictionary("four", (Atom("lambert"), Atom("cosine"), Atom("lobe", 0.1, 2.0), Atom("lobe", 0.3, 2.0)))
+    atom = np.full((len(atoms), 1, 6), -1, np.int16)
+    for p, used in enumerate(atoms):
+        atom[p, 0, : len(used)] = used
+    n = len(atoms)
+    return PixelFits(
+        normals=np.tile([0.0, 0.0, 1.0], (n, 1)),
+        covariance=np.ones((n, 3)),
+        reduced_chi2=np.ones(n),
+        atom=atom,
+        coefficient=np.where(atom >= 0, 0.5, 0.0),
+        flags=np.zeros(n, np.uint8),
+        theta_h_range=np.tile(np.deg2rad([2.0, 60.0]), (n, 1)),
+        dictionary=dictionary,
+    )
+
+
+def test_the_model_is_named_after_the_atoms_that_a_pixel_uses():
+    fits = pixels((0,), (1,), (0, 1), (2,), (0, 2), (2, 3))
+    fits.normals[1] = np.nan
+    names = [MODEL_NAMES[i] for i in model_used(fits)]
+    assert names == ["lambert", "unsolved", "diffuse", "one lobe", "one lobe", "mixture"]
+
+
+def test_materials_are_numbered_by_size_and_unsolved_pixels_are_in_none():
+    fits = pixels(*[(0,)] * 30, *[(2,)] * 60)
+    fits.normals[0] = np.nan
+    groups = group_materials(fits)
+    assert groups[0] == -1
+    assert set(groups[1:30]) == {1}
+    assert set(groups[30:]) == {0}
+
+
+def test_one_material_is_one_group():
+    assert set(group_materials(pixels(*[(0, 2)] * 50))) == {0}
+
+
+def test_a_sample_without_a_solved_pixel_has_no_materials():
+    fits = pixels((0,), (2,))
+    fits.normals[:] = np.nan
+    assert group_materials(fits).tolist() == [-1, -1]
+
+
+def test_no_group_spans_two_stripes_of_the_sample(reconstruction: Reconstruction):
+    groups, truth = group_materials(reconstruction.fits), reconstruction.stack.truth.material.ravel()
+    assert groups.max() >= 2
+    for g in range(groups.max() + 1):
+        assert np.bincount(truth[groups == g]).max() > 0.95 * np.count_nonzero(groups == g)
+
+
+def refusal(path: Path) -> InvalidInputError:
+    with pytest.raises(InvalidInputError, match="cannot be read as a result") as caught:
+        read_result(path)
+    assert str(path) in str(caught.value)
+    return caught.value
+
+
+def test_a_stack_is_not_taken_for_a_result(reconstruction: Reconstruction, tmp_path: Path):
+    path = tmp_path / "sample.stack.h5"
+    write_stack(path, replace(reconstruction.stack, radiance=reconstruction.stack.radiance[:2], variance=None))
+    missing = {p.where for p in refusal(path).problems}
+    assert {"/entry/result/normals", "/entry/brdf/atom"} <= missing
+
+
+def test_a_missing_or_foreign_file_is_told(tmp_path: Path):
+    assert refusal(tmp_path / "nowhere.result.h5").problems[0].what == "no such file"
+    (tmp_path / "notes.result.h5").write_text("not HDF5")
+    assert "not a result file, or damaged" in refusal(tmp_path / "notes.result.h5").problems[0].what
+
+
+def test_everything_that_is_missing_is_told_at_once(path: Path):
+    with h5py.File(path, "r+") as file:
+        del file["/entry/result/depth"], file["/entry/brdf/coefficient"]
+    assert {p.where for p in refusal(path).problems} == {"/entry/result/depth", "/entry/brdf/coefficient"}
+
+
+def test_an_atom_that_this_version_does_not_know_is_named(path: Path):
+    with h5py.File(path, "r+") as file:
+        file["/entry/brdf/atom_model"][0] = "velvet"
+    assert "velvet" in refusal(path).problems[0].what
+
+
+def test_an_atom_beyond_the_list_is_told(path: Path):
+    with h5py.File(path, "r+") as file:
+        file["/entry/brdf/atom"][0, 0, 0, 0] = 999
+    assert "points beyond" in refusal(path).problems[0].what
