@@ -324,7 +324,7 @@ def _median_chi2(px: _Pixel) -> float:
 def _cost(px: _Pixel, settings: Settings, normal: Array, kappa: float) -> float:
     """Cauchy's loss of the views, kappa log(1 + chi^2 / kappa), or plain chi-square."""
     _chi2_of_views(px)
-    total = 2.0 * (1.0 - float(normal[2])) / NEAR_PLANAR**2 / px.y.shape[0]
+    total: float = 2.0 * (1.0 - normal[2]) / NEAR_PLANAR**2 / px.y.shape[0]
     for v in range(px.chi2.shape[0]):
         robust = settings.robust and math.isfinite(kappa)
         total += kappa * math.log1p(px.chi2[v] / kappa) if robust else px.chi2[v]

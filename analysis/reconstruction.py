@@ -197,7 +197,8 @@ def _choose_light(
 
 
 def _light_is_uncertain(stack: Stack, options: Options) -> bool:
-    return options.light == "auto" and stack.camera_rotation is not None and stack.light_offset_sigma is not None
+    known = stack.camera_rotation is not None and stack.light_offset is not None
+    return options.light == "auto" and known and stack.light_offset_sigma is not None
 
 
 def _refine_light(

@@ -137,6 +137,12 @@ def test_an_uncertain_light_is_refined_from_the_highlights():
     assert np.array_equal(result.stack.light_offset, result.light_offset.value)
 
 
+def test_a_sigma_without_an_offset_refines_nothing(stack: Stack):
+    result = reconstruct(replace(stack, light_offset_sigma=np.ones(3)))
+    assert result.light_offset is None
+    assert choices(result)["light"][0] == "collocated"
+
+
 def test_a_certain_prior_keeps_the_light_where_the_ruler_put_it(offset_stack: Stack):
     ruler = LightOffset(np.array([10.0, -5.0, 0.0]), np.full(3, 1e-4))
     found = estimate_light_offset(offset_stack, parametric(), NOISE, ruler, np.random.default_rng(0))
