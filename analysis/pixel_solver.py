@@ -43,6 +43,7 @@ its tilt."""
 _PEAK = 3.0
 # Atoms narrower than the smallest half angle seen would grow without bound: the curve at theta_h = 0 is
 # held to this many times the brightest sample, one sigma. A peak that was seen hardly feels it.
+_FEW_VIEWS = 15
 _GOOD_FIT = 1.5  # cost a view below which a start has found its minimum and the others are not tried
 _SETTLED = 1e-3  # fall of the cost below which the step was the last: it moved the normal by 3 % of its sigma
 _LONGEST_STEP = 0.25  # rad; beyond it the slope of a curve means nothing
@@ -138,7 +139,6 @@ def solve_pixels(
     n_views, _, n_channels = samples.radiance.shape
     n_atoms = table.shape[1]
     px = _allocate(n_views, n_channels, n_atoms)
-    saved = _allocate(n_views, n_channels, 1)
     work = nnls_work(n_views + 1, n_atoms)
     normal = np.empty(3)
     best = np.empty(3)
@@ -153,21 +153,24 @@ def solve_pixels(
         best_cost = np.inf
         # A normal that was found before is gone on from; the cold starts are for when there is none.
         warm = math.isfinite(geometry.start[p, 0])
+        # Where few samples leave several normals open, a near-planar sample's is the one that flat leads to;
+        # where many decide, a Lambertian fit is nearer to it.
+        first_start = 0 if n_views < _FEW_VIEWS else 1
         for kind in range(3):
             if warm:
                 normal[:] = geometry.start[p]
-            elif not _start(kind, px, normal):
+            elif not _start((kind + first_start) % 3, px, normal):
                 continue
             cost, _ = _refine(px, settings, table, derivative, work, normal, H, _OUTLIER, _START_STEPS)
             if cost < best_cost:
                 best_cost = cost
                 best[:] = normal
-                _copy_fit(px, saved)
             if warm or cost < _GOOD_FIT * n_views:
                 break
         normal[:] = best
-        _copy_fit(saved, px)
         converged = False
+        # Atoms that were right for a start's normal would keep better ones out.
+        px.n_active[:] = 0
         for _ in range(_STAGES):
             _evaluate(px, settings, table, work, normal, np.inf)
             kappa = _OUTLIER * max(1.0, _median_chi2(px))
@@ -200,13 +203,6 @@ def _allocate(n_views: int, n_channels: int, n_atoms: int) -> _Pixel:
         np.zeros((2, n_views)),
         np.zeros(n_views),
     )
-
-
-@njit(cache=True, nogil=True)
-def _copy_fit(source: _Pixel, target: _Pixel) -> None:
-    target.n_active[:] = source.n_active
-    target.active[:] = source.active
-    target.a[:] = source.a
 
 
 @njit(cache=True, nogil=True)
@@ -333,10 +329,10 @@ def _cost(px: _Pixel, settings: Settings, normal: Array, kappa: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _start(kind: int, px: _Pixel, normal: Array) -> bool:
-    """Write a normal to start from: trimmed Lambert, centroid of the highlight, flat; False if there is none."""
-    if kind == 0:
-        return _start_trimmed(px, normal)
+    """Write a normal to start from: flat, trimmed Lambert, centroid of the highlight; False if there is none."""
     if kind == 1:
+        return _start_trimmed(px, normal)
+    if kind == 2:
         return _start_highlight(px, normal)
     normal[:] = 0.0
     normal[2] = 1.0
