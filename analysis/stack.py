@@ -169,11 +169,12 @@ def _write_truth(group: Any, truth: Truth) -> None:
 
 
 def is_stack(path: Path) -> bool:
-    """Tell whether a file claims to be a registered stack (and not, say, a session)."""
-    if not path.exists() or not h5py.is_hdf5(path):
+    """Tell whether a file claims to be a registered stack (and not, say, a session); a damaged one by its name."""
+    try:
+        with h5py.File(path, "r") as file:
+            return "/entry/stack" in file or "/entry/instrument" not in file
+    except OSError:
         return path.name.endswith(".stack.h5")
-    with h5py.File(path, "r") as file:
-        return "/entry/stack" in file or "/entry/instrument" not in file
 
 
 def read_stack(path: Path) -> Stack:

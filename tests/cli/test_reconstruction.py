@@ -108,6 +108,16 @@ def test_one_view_is_refused_with_the_reason(tmp_path: Path, capsys: pytest.Capt
     assert not (tmp_path / "r.h5").exists()
 
 
+def test_a_stack_that_was_cut_short_is_refused(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = (folder / "area.stack.h5").read_bytes()
+    (tmp_path / "cut.stack.h5").write_bytes(whole[: len(whole) // 2])
+    assert run("reconstruct", tmp_path / "cut.stack.h5", "-o", tmp_path / "r.h5", "-q") == 2
+    assert "not an HDF5 file, or damaged" in capsys.readouterr().err
+    assert not (tmp_path / "r.h5").exists()
+
+
 def test_the_dictionaries_can_be_listed_and_looked_at(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("dictionary", "list") == 0
     assert "300 atoms" in capsys.readouterr().out
