@@ -43,9 +43,13 @@ class BoardCorners:
 def charuco_board(board: Board) -> cv2.aruco.CharucoBoard:
     """Build OpenCV's description of `board`."""
     dictionary = _marker_dictionary(board.dictionary)
-    n_markers = board.squares[0] * board.squares[1] // 2
-    ids = np.arange(board.first_id, board.first_id + n_markers)
+    ids = np.arange(board.first_id, board.first_id + _n_markers(board))
     return cv2.aruco.CharucoBoard(board.squares, board.square_mm, board.marker_mm, dictionary, ids)
+
+
+def _n_markers(board: Board) -> int:
+    """Return how many markers a board has: one on every white square."""
+    return board.squares[0] * board.squares[1] // 2
 
 
 def _marker_dictionary(name: str) -> cv2.aruco.Dictionary:
@@ -93,8 +97,7 @@ def detect_corners(image: NDArray[np.uint8], boards: Sequence[Board]) -> BoardCo
             continue
         flat_ids = np.asarray(marker_ids, np.int32).ravel()
         for index, board in enumerate(boards):
-            n_markers = board.squares[0] * board.squares[1] // 2
-            ours = (flat_ids >= board.first_id) & (flat_ids < board.first_id + n_markers)
+            ours = (flat_ids >= board.first_id) & (flat_ids < board.first_id + _n_markers(board))
             if board.dictionary == name and ours.any():
                 corners = [c for c, mine in zip(marker_corners, ours, strict=True) if mine]
                 found.append((*_board_corners(image, board, corners, flat_ids[ours]), index))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib.resources import files
 from io import StringIO
 
@@ -92,8 +92,8 @@ class Dictionary:
         return np.stack([MODELS[atom.model](cosines, atom.a, atom.b) for atom in self.atoms], axis=-1)
 
     def slice_table(self) -> SliceTable:
-        """Tabulate all atoms on the slice theta_d = 0."""
-        return SliceTable.from_dictionary(self)
+        """Tabulate all atoms on the slice theta_d = 0; kept, since every batch of pixels asks for it."""
+        return _slice_table(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +124,11 @@ class SliceTable:
         # Around each node over +- half a node in t: the slope that the interpolation between nodes has.
         derivative = np.gradient(value, c, axis=0)
         return cls(value.astype(np.float32), derivative.astype(np.float32), scale)
+
+
+@lru_cache(maxsize=8)
+def _slice_table(dictionary: Dictionary) -> SliceTable:
+    return SliceTable.from_dictionary(dictionary)
 
 
 @cache

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,8 +33,6 @@ ACCURACIES = {"draft": 0, "normal": 2, "best": 4}
 
 SMALLEST_PARALLAX_PX = 0.1
 """A shift of the views by less is not worth resampling them for."""
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)

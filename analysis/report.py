@@ -30,6 +30,8 @@ def write_report(path: Path, result: Result, title: str) -> None:
     FileExistsError
         If there is a file already.
     """
+    groups = group_materials(result.fits)
+    picked = picked_points(result, groups)
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("analysis", "data"), autoescape=True, undefined=jinja2.StrictUndefined
     )
@@ -37,8 +39,8 @@ def write_report(path: Path, result: Result, title: str) -> None:
         title=title,
         headline=_headline(result),
         advice=_advice(result),
-        maps=_maps(result),
-        curves=_encode(figures.curves(result, picked_points(result))),
+        maps=_maps(result, groups, picked),
+        curves=_encode(figures.curves(result, picked)),
         left_out=result.summary.get("left_out", []),
         choices=result.choices,
         calibration=_flat(result.summary.get("calibration", {})),
@@ -50,9 +52,8 @@ def write_report(path: Path, result: Result, title: str) -> None:
         file.write(page)
 
 
-def picked_points(result: Result) -> list[tuple[int, int]]:
+def picked_points(result: Result, groups: NDArray[np.int16]) -> list[figures.Point]:
     """Pick a typical pixel of each of the largest material groups: the one of median chi-square."""
-    groups = group_materials(result.fits)
     points = []
     for group in range(min(N_PICKED, int(groups.max(initial=-1)) + 1)):
         members = np.flatnonzero(groups == group)
@@ -120,9 +121,8 @@ def _advice(result: Result) -> list[str]:
     return advice
 
 
-def _maps(result: Result) -> list[tuple[str, str]]:
+def _maps(result: Result, groups: NDArray[np.int16], picked: list[figures.Point]) -> list[tuple[str, str]]:
     fits = result.fits
-    picked = picked_points(result)
     albedo = result.as_map(diffuse_albedo(fits))
     overhead = np.array([0.0, 0.0, 350.0])
     aside = np.array([250.0, 150.0, 300.0])
@@ -130,7 +130,7 @@ def _maps(result: Result) -> list[tuple[str, str]]:
         ("Normals, false colour", figures.picture(figures.normal_colours(result.normals))),
         ("Relit from the right, seen from above", figures.picture(_lit(result, overhead, aside))),
         ("Diffuse albedo (π f at 45° or as far as seen)", figures.picture(figures.display_colours(albedo))),
-        ("Groups of like reflectance", figures.group_map(result.as_map(group_materials(fits)))),
+        ("Groups of like reflectance", figures.group_map(result.as_map(groups))),
         (
             "Stated sigma of the normal",
             figures.scalar_map(result.as_map(np.rad2deg(fits.normal_sigma)), "deg", log=True),

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import resource
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+
+if sys.platform != "win32":
+    import resource
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +52,9 @@ class Stages:
 
 
 def peak_memory_mb() -> float:
-    """Return the largest resident memory that this process has had, MB."""
+    """Return the largest resident memory that this process has had, MB; NaN where the system does not tell."""
+    if sys.platform == "win32":
+        return float("nan")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     # Linux counts in KiB, macOS in bytes.
     return peak / 2**20 if sys.platform == "darwin" else peak / 2**10

@@ -119,6 +119,7 @@ def test_an_embossed_letter_stays_convex_and_is_not_mirrored(folder: Path, stack
     assert truth is not None
     ours = np.corrcoef(result.depth.ravel(), truth.depth.ravel())[0, 1]
     mirrored = np.corrcoef(result.depth[:, ::-1].ravel(), truth.depth.ravel())[0, 1]
+    # 18 poses and pixels of 0.6 mm give 0.92; an inside-out relief would be negative.
     assert ours > 0.85
     assert mirrored < 0.5
 
