@@ -44,4 +44,4 @@ constraints: setup ## pin every dependency with its hashes, from pyproject.toml
 
 clean: ## remove caches, builds and the demo; keeps .venv
 	rm -rf demo build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
-	find analysis cli drivers gui instrument protocols tests -name __pycache__ -type d -prune -exec rm -rf {} +
+	find analysis benchmarks cli drivers gui instrument protocols tests -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,4 +1,4 @@
-"""Dictionaries of BRDF atoms: the parametric one (default) and the published fits of 100 materials.
+"""Dictionaries of BRDF atoms: parametric (default), the published fits of 100 materials, files of tables.
 
 An atom is a BRDF. The reconstruction needs its curve on the slice theta_d = 0 (`slice_table`), the
 renderer its value anywhere (`evaluate`). Curves are tabulated over t = sqrt(1 - cos theta_h), in which
@@ -7,17 +7,30 @@ both narrow highlights and grazing angles are smooth.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from importlib.resources import files
-from io import StringIO
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis import reflectance as models
+from analysis.atoms import MODELS, PUBLISHED, AnyAtom, Atom, TabulatedAtom, published
+from analysis.dictionary_file import read_dictionary
 from analysis.reflectance import Array, Cosines
+from instrument.validation import InvalidInputError, Problem
+
+__all__ = [
+    "MODELS",
+    "AnyAtom",
+    "Atom",
+    "Dictionary",
+    "SliceTable",
+    "TabulatedAtom",
+    "by_name",
+    "from_published",
+    "parametric",
+    "published",
+]
 
 N_NODES = 1024
 # Widths from a near-mirror to a broad sheen; tails from heavier than GGX (gamma = 2) to near-Gaussian.
@@ -27,52 +40,6 @@ ROLL_OFFS_DEG = (50.0, 58.0, 66.0, 74.0)
 ROLL_OFF_WIDTH_DEG = 5.0
 
 
-@dataclass(frozen=True, slots=True)
-class Atom:
-    """One column of a dictionary: the model's name and its parameters.
-
-    Attributes
-    ----------
-    model : str
-        A key of `MODELS`, or ``"sgd"`` or ``"abc"``.
-    a, b : float
-        The model's parameters (`MODELS`); for a published fit, row of the table and channel.
-    """
-
-    model: str
-    a: float = 0.0
-    b: float = 0.0
-
-
-@cache
-def published(name: str) -> NDArray[np.void]:
-    """Return the embedded table of published fits of the 100 MERL materials, one structured row each.
-
-    Parameters
-    ----------
-    name : {"sgd", "abc"}
-        [bagher2012] or [low2012].
-    """
-    text = (files("analysis") / "data" / f"merl_{name}.csv").read_text(encoding="utf-8")
-    lines = [line for line in text.splitlines() if line and not line.startswith("#")]
-    return np.genfromtxt(StringIO("\n".join(lines)), delimiter=",", names=True, dtype=None, encoding="utf-8")
-
-
-# model -> f(cosines, a, b). Each is reciprocal: the light and the view direction enter alike.
-MODELS: dict[str, Callable[[Cosines, float, float], Array]] = {
-    "lambert": lambda q, a, b: np.full_like(q.n_dot_h, 1.0 / np.pi),
-    "cosine": lambda q, a, b: q.n_dot_h / np.pi,
-    "rim": lambda q, a, b: (1.0 - q.n_dot_h) ** 5 / np.pi,
-    "complement": lambda q, a, b: (1.0 - q.n_dot_h) / np.pi,
-    "inverse": lambda q, a, b: (q.n_dot_l * q.n_dot_v) ** -0.5 / np.pi,
-    "inverse_square": lambda q, a, b: (q.n_dot_l * q.n_dot_v) ** -1.0 / np.pi,
-    "roll_off": models.roll_off,
-    "lobe": models.lobe,
-    "sgd": lambda q, a, b: np.asarray(models.sgd(q, published("sgd")[int(a)])[..., int(b)]),
-    "abc": lambda q, a, b: np.asarray(models.abc(q, published("abc")[int(a)])[..., int(b)]),
-}
-
-
 @dataclass(frozen=True)
 class Dictionary:
     """An ordered set of atoms.
@@ -80,16 +47,16 @@ class Dictionary:
     Attributes
     ----------
     name : str
-        ``"parametric"``, ``"sgd"`` or ``"abc"``.
-    atoms : tuple of Atom
+        ``"parametric"``, ``"sgd"``, ``"abc"``, or where the atoms come from.
+    atoms : tuple of Atom or TabulatedAtom
     """
 
     name: str
-    atoms: tuple[Atom, ...]
+    atoms: tuple[AnyAtom, ...]
 
     def evaluate(self, cosines: Cosines) -> Array:
         """Return every atom's value in 1/sr, shape (..., n_atoms)."""
-        return np.stack([MODELS[atom.model](cosines, atom.a, atom.b) for atom in self.atoms], axis=-1)
+        return np.stack([atom.evaluate(cosines) for atom in self.atoms], axis=-1)
 
     def slice_table(self) -> SliceTable:
         """Tabulate all atoms on the slice theta_d = 0; kept, since every batch of pixels asks for it."""
@@ -120,6 +87,7 @@ class SliceTable:
         c = 1.0 - np.linspace(0.0, 1.0, N_NODES) ** 2
         value = dictionary.evaluate(Cosines.on_slice(np.arccos(c)))
         scale = np.sqrt(np.mean(value**2, axis=0))
+        scale = np.where(scale > 0.0, scale, 1.0)
         value = value / scale
         # Around each node over +- half a node in t: the slope that the interpolation between nodes has.
         derivative = np.gradient(value, c, axis=0)
@@ -151,15 +119,26 @@ def from_published(name: str) -> Dictionary:
 
 
 def by_name(name: str) -> Dictionary:
-    """Return a dictionary by its name.
+    """Return a dictionary by its name, or from a file.
+
+    Parameters
+    ----------
+    name : str
+        ``"parametric"``, ``"sgd"``, ``"abc"``, or the path of a file (`analysis.dictionary_file`).
 
     Raises
     ------
-    ValueError
-        If there is no such dictionary.
+    InvalidInputError
+        If there is no such dictionary, or the file cannot be used.
     """
     if name == "parametric":
         return parametric()
-    if name in {"sgd", "abc"}:
+    if name in PUBLISHED:
         return from_published(name)
-    raise ValueError(f"dictionary is {name!r}; built in are 'parametric', 'sgd' and 'abc'. Choose one of these.")
+    if Path(name).is_file():
+        return Dictionary(Path(name).name, read_dictionary(Path(name)).atoms)
+    what = (
+        f"is {name!r}, and there is no such file; built in are 'parametric', 'sgd' and 'abc'. "
+        "Choose one of these or a file that `halfangle dictionary build` wrote"
+    )
+    raise InvalidInputError("The dictionary cannot be used.", [Problem("dictionary", what)])

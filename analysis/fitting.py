@@ -1,18 +1,22 @@
-"""Many pixels of a stack through the per-pixel solver: threads, noise level, prediction of views."""
+"""Many pixels of a stack through the per-pixel solver: threads, noise level, what a fit says of its samples."""
 
 from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis import pixel_solver
-from analysis.dictionary import MODELS, Dictionary
+from analysis.dictionary import Dictionary
 from analysis.nnls import MAX_ATOMS
-from analysis.pixel_solver import Geometry, Samples, Settings, Solution
+from analysis.palette import MATERIAL_GAIN, MAX_MATERIALS, Palette
+from analysis.pixel_fits import PixelFits
+from analysis.pixel_samples import MIN_VIEWS, Geometry, Samples, Settings
+from analysis.pixel_solver import Solution
 from analysis.reflectance import GRAZING, Cosines
 from analysis.stack import Stack
 
@@ -22,92 +26,7 @@ _NOISE_ROUNDS, _BISECTIONS = 3, 20
 _RELATIVE_ERRORS = (1e-4, 0.2)  # between which the truth lies
 _MEDIAN_CHI2 = 0.4549  # median of chi-square with one degree of freedom
 
-_CHUNK = 512  # pixels a thread takes at a time: small enough to balance, large enough not to matter
-
-
-@dataclass(frozen=True)
-class PixelFits:
-    """Fits of P pixels in C channels.
-
-    Attributes
-    ----------
-    normals : ndarray, shape (P, 3)
-        NaN = not solved.
-    covariance : ndarray, shape (P, 3)
-        xx, xy, yy of the two tangent parameters, rad^2.
-    reduced_chi2 : ndarray, shape (P,)
-    atom : ndarray of int16, shape (P, C, MAX_ATOMS)
-        Index into the dictionary; -1 = none.
-    coefficient : ndarray, shape (P, C, MAX_ATOMS)
-        Non-negative; times the atom in 1/sr and summed over the atoms it gives the BRDF.
-    flags : ndarray of uint8, shape (P,)
-        Bits of `analysis.pixel_solver`.
-    theta_h_range : ndarray, shape (P, 2)
-        Smallest and largest half angle seen, rad.
-    dictionary : Dictionary
-    """
-
-    normals: Array
-    covariance: Array
-    reduced_chi2: Array
-    atom: NDArray[np.int16]
-    coefficient: Array
-    flags: NDArray[np.uint8]
-    theta_h_range: Array
-    dictionary: Dictionary
-
-    def select(self, pixels: NDArray[np.int64]) -> PixelFits:
-        """Return the fits of these pixels only."""
-        return PixelFits(
-            normals=self.normals[pixels],
-            covariance=self.covariance[pixels],
-            reduced_chi2=self.reduced_chi2[pixels],
-            atom=self.atom[pixels],
-            coefficient=self.coefficient[pixels],
-            flags=self.flags[pixels],
-            theta_h_range=self.theta_h_range[pixels],
-            dictionary=self.dictionary,
-        )
-
-    @property
-    def normal_sigma(self) -> Array:
-        """Standard deviation per tangent axis, rad: root of half the trace of the covariance."""
-        return np.asarray(np.sqrt(0.5 * (self.covariance[:, 0] + self.covariance[:, 2])))
-
-    def brdf(self, cosines: Cosines) -> Array:
-        """Return the BRDF of each pixel in 1/sr, shape (P, ..., C), at `cosines` of shape (P, ...)."""
-        shape = cosines.n_dot_h.shape
-        value = np.zeros((*shape, self.atom.shape[1]))
-        for k in np.unique(self.atom[self.atom >= 0]):
-            weight = np.sum(np.where(self.atom == k, self.coefficient, 0.0), axis=-1)
-            users = np.flatnonzero(weight.any(axis=1))
-            atom = self.dictionary.atoms[k]
-            part = Cosines(cosines.n_dot_h[users], cosines.cos_d[users], cosines.n_dot_l[users], cosines.n_dot_v[users])
-            curve = MODELS[atom.model](part, atom.a, atom.b)
-            value[users] += curve[..., None] * weight[users].reshape(len(users), *(1,) * (len(shape) - 1), -1)
-        return value
-
-    def radiance(self, points: Array, camera: Array, light: Array, light_power: float = 1.0) -> Array:
-        """Predict what a view shows, shape (P, C), in the stack's units.
-
-        radiance = P / d^2 f(omega_i, omega_o) max(0, n.omega_i), without cast shadows.
-
-        Parameters
-        ----------
-        points : ndarray, shape (P, 3)
-        camera, light : ndarray, shape (3,)
-            Sample frame, mm.
-        """
-        to_light, to_camera = light - points, camera - points
-        d2 = np.sum(to_light**2, axis=-1)
-        omega_i = to_light / np.sqrt(d2)[:, None]
-        omega_o = to_camera / np.linalg.norm(to_camera, axis=-1, keepdims=True)
-        n_dot_l = np.sum(self.normals * omega_i, axis=-1)
-        n_dot_v = np.sum(self.normals * omega_o, axis=-1)
-        with np.errstate(invalid="ignore"):
-            lit = np.where((n_dot_l > 0.0) & (n_dot_v > 0.0), n_dot_l, np.where(np.isnan(n_dot_l), np.nan, 0.0))
-        f = self.brdf(Cosines.from_directions(self.normals, omega_i, omega_o))
-        return np.asarray(light_power * f * (lit / d2)[:, None])
+CHUNK = 512  # pixels a thread takes at a time: small enough to balance, large enough not to matter
 
 
 def n_threads() -> int:
@@ -142,6 +61,8 @@ class PixelProblem:
         Flat indices of the pixels to take; None = all.
     depth : ndarray, shape (H, W), or None
         Millimetres; None = flat.
+    samples : Samples or None
+        Of the pixels; None = those of the stack.
     """
 
     def __init__(
@@ -150,6 +71,7 @@ class PixelProblem:
         dictionary: Dictionary,
         pixels: NDArray[np.int64] | None = None,
         depth: Array | None = None,
+        samples: Samples | None = None,
     ) -> None:
         n, height, width, n_channels = stack.radiance.shape
         self.dictionary = dictionary
@@ -167,13 +89,37 @@ class PixelProblem:
 
         saturated = None if stack.saturated is None else stack.saturated.reshape(n, height * width, n_channels)
         # Contiguous all, since numba compiles the solver anew for every other layout.
-        self.samples = Samples(
+        self.samples = samples or Samples(
             flat(stack.radiance, 0.0),
             flat(stack.variance, 0.0),
             np.zeros((n, len(self.pixels), n_channels), np.uint8)
             if saturated is None
             else np.ascontiguousarray(saturated[:, self.pixels]),
         )
+
+    def select(self, pixels: NDArray[np.int64]) -> PixelProblem:
+        """Return the problem of these of its pixels (indices into `pixels`) only."""
+        part = copy(self)
+        part.pixels, part.points = self.pixels[pixels], self.points[pixels]
+        part.samples = Samples(
+            np.ascontiguousarray(self.samples.radiance[:, pixels]),
+            np.ascontiguousarray(self.samples.variance[:, pixels]),
+            np.ascontiguousarray(self.samples.saturated[:, pixels]),
+        )
+        return part
+
+    def directions(self) -> tuple[Array, Array]:
+        """Return omega_i and h of every view and pixel, each of shape (N, P, 3)."""
+        to_light = self.stack.light_position[:, None] - self.points
+        to_camera = self.stack.camera_position[:, None] - self.points
+        omega_i = to_light / np.linalg.norm(to_light, axis=-1, keepdims=True)
+        h = omega_i + to_camera / np.linalg.norm(to_camera, axis=-1, keepdims=True)
+        return omega_i, h / np.linalg.norm(h, axis=-1, keepdims=True)
+
+    def gain(self) -> Array:
+        """Return d^2 / P, which frees a radiance of fall-off and power, shape (N, P)."""
+        d2 = np.sum((self.stack.light_position[:, None] - self.points) ** 2, axis=-1)
+        return np.asarray(d2 / self.stack.light_power[:, None])
 
     def solve(
         self,
@@ -201,67 +147,111 @@ class PixelProblem:
         threads : int or None
             None = all processors; the result does not depend on it.
         """
-        n_pixels, n_channels = self.samples.radiance.shape[1:]
+        settings = Settings(noise.relative, noise.floor, tolerance, MAX_ATOMS, robust, shared=False, cold=False)
+        table = self.dictionary.slice_table()
+        out = self._run(settings, table.value[None], table.derivative[None], start, light_position, threads)
+        coefficient = out.coefficient / table.scale[np.maximum(out.atom, 0)]
+        return _fits(out, self.dictionary, out.atom, coefficient)
+
+    def solve_with_palette(
+        self,
+        palette: Palette,
+        noise: Noise,
+        *,
+        start: Array | None = None,
+        cold: bool = True,
+        threads: int | None = None,
+    ) -> PixelFits:
+        """Solve every pixel as a mixture of few of the palette's materials.
+
+        Parameters
+        ----------
+        palette : Palette
+        noise, start, threads
+            As `solve`.
+        cold : bool
+            Try the usual starts too where the one given does not fit.
+        """
+        n_channels = self.samples.radiance.shape[2]
+        settings = Settings(noise.relative, noise.floor, MATERIAL_GAIN, MAX_MATERIALS, True, shared=True, cold=cold)
+        out = self._run(settings, *palette.tables(), start, None, threads)
+        atom = np.where(out.atom >= 0, n_channels * out.atom + np.arange(n_channels)[:, None], -1).astype(np.int16)
+        coefficient = np.repeat(out.coefficient, n_channels, axis=1)
+        return _fits(out, palette.dictionary, atom, coefficient)
+
+    def geometry(self, start: Array | None = None, light_position: Array | None = None) -> Geometry:
+        """Return where everything is, as the kernels take it."""
         light = self.stack.light_position if light_position is None else light_position
-        geometry = Geometry(
+        return Geometry(
             self.stack.camera_position,
             np.ascontiguousarray(light),
             self.stack.light_power,
             self.points,
-            np.full((n_pixels, 3), np.nan) if start is None else start,
+            np.full((len(self.points), 3), np.nan) if start is None else start,
         )
-        settings = Settings(noise.relative, noise.floor, tolerance, robust)
-        table = self.dictionary.slice_table()
+
+    def _run(
+        self,
+        settings: Settings,
+        value: NDArray[np.float32],
+        derivative: NDArray[np.float32],
+        start: Array | None,
+        light_position: Array | None,
+        threads: int | None,
+    ) -> Solution:
+        n_pixels, n_channels = self.samples.radiance.shape[1:]
+        n_groups = 1 if settings.shared else n_channels
+        geometry = self.geometry(start, light_position)
         out = Solution(
             np.empty((n_pixels, 3)),
             np.empty((n_pixels, 3)),
             np.empty(n_pixels),
-            np.empty((n_pixels, n_channels, MAX_ATOMS), np.int16),
-            np.empty((n_pixels, n_channels, MAX_ATOMS)),
+            np.empty(n_pixels),
+            np.empty((n_pixels, n_groups, MAX_ATOMS), np.int16),
+            np.empty((n_pixels, n_groups, MAX_ATOMS)),
             np.zeros(n_pixels, np.uint8),
             np.empty((n_pixels, 2)),
         )
 
         def chunk(first: int) -> None:
-            last = min(first + _CHUNK, n_pixels)
-            pixel_solver.solve_pixels(self.samples, geometry, settings, table.value, table.derivative, first, last, out)
+            last = min(first + CHUNK, n_pixels)
+            pixel_solver.solve_pixels(self.samples, geometry, settings, value, derivative, first, last, out)
 
         with ThreadPoolExecutor(threads or n_threads()) as pool:
-            list(pool.map(chunk, range(0, n_pixels, _CHUNK)))
-        return self._fits(out, table.scale)
+            list(pool.map(chunk, range(0, n_pixels, CHUNK)))
+        return out
 
     def model(self, fits: PixelFits) -> Array:
         """Return what `fits` say of every sample, shape (N, P, C), on the slice theta_d = 0 as they were fitted."""
-        to_light = self.stack.light_position - self.points[:, None]
-        to_camera = self.stack.camera_position - self.points[:, None]
-        d2 = np.sum(to_light**2, axis=-1)
-        omega_i = to_light / np.sqrt(d2)[..., None]
-        h = omega_i + to_camera / np.linalg.norm(to_camera, axis=-1, keepdims=True)
-        h /= np.linalg.norm(h, axis=-1, keepdims=True)
-        normals = fits.normals[:, None]
-        n_dot_l = np.maximum(np.sum(normals * omega_i, axis=-1), 0.0)
-        n_dot_h = np.clip(np.sum(normals * h, axis=-1), GRAZING, 1.0)
+        omega_i, h = self.directions()
+        n_dot_l = np.maximum(np.sum(fits.normals * omega_i, axis=-1), 0.0)
+        n_dot_h = np.clip(np.sum(fits.normals * h, axis=-1), GRAZING, 1.0).T
         f = fits.brdf(Cosines(n_dot_h, np.ones_like(n_dot_h), n_dot_h, n_dot_h))
-        return np.moveaxis(f * (self.stack.light_power * n_dot_l / d2)[..., None], 1, 0)
+        return np.asarray(np.moveaxis(f, 1, 0) * (n_dot_l / self.gain())[..., None])
 
-    def _fits(self, out: Solution, scale: Array) -> PixelFits:
-        low, high = out.n_dot_h_range[:, 0], out.n_dot_h_range[:, 1]
-        return PixelFits(
-            normals=out.normal,
-            covariance=out.covariance,
-            reduced_chi2=out.reduced_chi2,
-            atom=out.atom,
-            coefficient=out.coefficient / scale[np.maximum(out.atom, 0)],
-            flags=out.flags,
-            theta_h_range=np.arccos(np.clip(np.stack([high, low], axis=1), -1.0, 1.0)),
-            dictionary=self.dictionary,
-        )
+
+def _fits(out: Solution, dictionary: Dictionary, atom: NDArray[np.int16], coefficient: Array) -> PixelFits:
+    low, high = out.n_dot_h_range[:, 0], out.n_dot_h_range[:, 1]
+    return PixelFits(
+        normals=out.normal,
+        covariance=out.covariance,
+        reduced_chi2=out.reduced_chi2,
+        loss=out.loss,
+        atom=atom,
+        coefficient=coefficient,
+        flags=out.flags,
+        theta_h_range=np.arccos(np.clip(np.stack([high, low], axis=1), -1.0, 1.0)),
+        dictionary=dictionary,
+    )
 
 
 def sample_pixels(stack: Stack, n_pixels: int, rng: np.random.Generator) -> NDArray[np.int64]:
     """Draw at most `n_pixels` pixels that enough views see, in ascending order."""
-    seen = np.isfinite(stack.radiance).all(axis=-1).sum(axis=0).ravel()
-    candidates = np.flatnonzero(seen >= min(pixel_solver.MIN_VIEWS, stack.n_views))
+    # View by view: a mask of all samples at once would be a quarter of the stack.
+    seen = np.zeros(stack.radiance[0, ..., 0].size, np.int64)
+    for view in stack.radiance:
+        seen += np.isfinite(view).all(axis=-1).ravel()
+    candidates = np.flatnonzero(seen >= min(MIN_VIEWS, stack.n_views))
     if len(candidates) <= n_pixels:
         return candidates
     return np.sort(rng.choice(candidates, n_pixels, replace=False))
@@ -281,25 +271,26 @@ def estimate_noise(stack: Stack, dictionary: Dictionary, rng: np.random.Generato
     rng : numpy.random.Generator
         Draws the pixels.
     """
-    level = float(np.nanmedian(np.abs(stack.radiance)))
+    problem = PixelProblem(stack, dictionary, sample_pixels(stack, 600, rng))
+    level = float(np.nanmedian(np.abs(problem.samples.radiance)))
     # Without a stated variance something must hold up the dark samples: a thousandth of the typical radiance.
     floor = (1e-3 if stack.variance is None else 1e-5) * level
-    problem = PixelProblem(stack, dictionary, sample_pixels(stack, 600, rng))
     noise = Noise(0.01, floor)
     for _ in range(_NOISE_ROUNDS):
         fits = problem.solve(noise)
         if not np.isfinite(fits.reduced_chi2).any():
             return noise
-        noise = replace(noise, relative=_relative_error(problem, fits, floor))
+        noise = refined_noise(problem, fits, noise)
     return noise
 
 
-def _relative_error(problem: PixelProblem, fits: PixelFits, floor: float) -> float:
-    """Return the relative error at which the median of r^2 / (variance + (relative error m)^2) is a Gaussian's."""
+def refined_noise(problem: PixelProblem, fits: PixelFits, noise: Noise) -> Noise:
+    """Return the noise at whose relative error the median of r^2 / (variance + (relative m)^2) is a Gaussian's."""
+    floor = noise.floor
     samples, model = problem.samples, problem.model(fits)
     valid = np.isfinite(samples.radiance) & np.isfinite(model) & (samples.saturated == 0)
     n_samples = valid.sum(axis=(0, 2))
-    n_unknowns = 2 + np.count_nonzero(fits.atom >= 0, axis=(1, 2))
+    n_unknowns = 2 + fits.n_coefficients
     # What the fit took out of the residuals.
     left = np.maximum(n_samples - n_unknowns, 1) / np.maximum(n_samples, 1)
     r2 = ((samples.radiance - model) ** 2 / left[:, None])[valid]
@@ -309,4 +300,4 @@ def _relative_error(problem: PixelProblem, fits: PixelFits, floor: float) -> flo
         middle = float(np.sqrt(low * high))
         too_low = np.median(r2 / (base + middle**2 * m2)) > _MEDIAN_CHI2
         low, high = (middle, high) if too_low else (low, middle)
-    return float(np.sqrt(low * high))
+    return replace(noise, relative=float(np.sqrt(low * high)))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.pixel_solver import MIN_VIEWS
+from analysis.pixel_samples import MIN_VIEWS
 from analysis.stack import Stack
 from instrument.validation import Problem
 

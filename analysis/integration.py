@@ -2,27 +2,62 @@
 
 With slopes p = -n_x / n_z = dz/dx and q = -n_y / n_z = dz/dy, z minimises over all pairs of neighbours
 
-    sum (z_b - z_a - pitch (s_a + s_b) / 2)^2 ,
+    sum w (z_b - z_a - g)^2 ,    g = pitch ((s_a + s_b) / 2 - (c_a + c_b) / 24) ,
 
-s being the slope along the pair. On a full rectangle the normal equations are a Poisson equation with
-Neumann borders, which the cosine transform makes diagonal [frankot1988, simchony1990]; with holes they
-are solved by conjugate gradients that the same transform preconditions. Depth has mean 0.
+s being the slope along the pair and c its second difference about a pixel: the integral over the pair of the
+cubic through four slopes (of the parabola through three where only one end knows its c, else the trapezoid).
+
+On a full rectangle with equal weights the normal equations are a Poisson equation with Neumann borders, which
+the cosine transform makes diagonal [frankot1988, simchony1990]. Holes, weights and known heights are left to
+`analysis.multigrid`.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
+from scipy import ndimage
 from scipy.fft import dctn, idctn
-from scipy.sparse.linalg import LinearOperator, cg
+
+from analysis.discontinuities import solve_robustly
+from analysis.multigrid import PairSystem
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 MAX_SLOPE = 5.0
 """Steeper than 79 deg a normal says nothing about depth: the pixel counts as a hole."""
 
+SIGMA_FLOOR, SIGMA_CAP = 0.2, 100.0
+"""Sigmas are clipped to these multiples of their median, so weights span at most 2.5e5.
 
-def integrate_normals(normals: Array, pitch: float, tolerance: float = 1e-6) -> Array:
+Below a fifth of the median the systematic errors, which no stated sigma holds, are what counts; and a weight of
+1e-4 already keeps a wrong normal from bending its neighbours."""
+
+UNSTATED_SIGMA = 0.01
+"""Of a normal, rad, against which ties are weighed where no sigma is given."""
+
+TRUSTED_RATIO = 3.0
+"""A slope less certain than this, relative to the pair's own, has no say in the pair's curvature term."""
+
+THREADS = 2
+"""Of the cosine transform; more gain little, since memory limits it."""
+
+LARGEST_DRAWN = 192
+"""Pixels along the longer side at which noise is drawn for `depth_sigma`."""
+
+
+def integrate_normals(
+    normals: Array,
+    pitch: float,
+    tolerance: float = 1e-6,
+    *,
+    sigma: Array | None = None,
+    ties: Array | None = None,
+    ties_sigma: float = 0.01,
+    discontinuities: bool = False,
+) -> Array:
     """Integrate a normal map.
 
     Parameters
@@ -32,102 +67,209 @@ def integrate_normals(normals: Array, pitch: float, tolerance: float = 1e-6) -> 
     pitch : float
         Size of a pixel, mm.
     tolerance : float
-        Relative residual at which conjugate gradients stop; unused without holes.
+        Of the iteration's residual; unused by the direct solution (no hole, sigma, tie or discontinuity).
+    sigma : ndarray, shape (height, width), or None
+        One standard deviation of a normal per tangent axis, rad; NaN = hole. A pair weighs as the inverse
+        variance of its slope, within the range of `SIGMA_FLOOR` and `SIGMA_CAP`. None = all weigh the same.
+    ties : ndarray, shape (height, width), or None
+        Known heights in mm, NaN = unknown; they count where there is a normal.
+    ties_sigma : float
+        One standard deviation of each of these heights, mm.
+    discontinuities : bool
+        Let the surface step where its slopes contradict each other (`analysis.discontinuities`).
 
     Returns
     -------
     ndarray, shape (height, width)
-        Depth in mm, mean 0 over the pixels that have a normal, NaN in holes. Parts that holes cut off
-        from each other have an arbitrary height against each other.
+        Depth in mm, NaN in holes. Parts that holes cut off from each other have no height against each
+        other: each has mean 0, or the height that its own ties give it.
+
+    Raises
+    ------
+    ValueError
+        If `sigma` or `ties` have another shape than the map, or `ties_sigma` is not positive.
     """
     p, q, valid = slopes_from_normals(normals)
-    depth = integrate_slopes(p, q, valid, pitch, tolerance)
-    return np.where(valid, depth, np.nan)
+    return integrate_slopes(
+        p, q, valid, pitch, tolerance, sigma=sigma, ties=ties, ties_sigma=ties_sigma, discontinuities=discontinuities
+    )
 
 
-def slopes_from_normals(normals: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def slopes_from_normals(normals: Array) -> tuple[Array, Array, Mask]:
     """Return dz/dx, dz/dy (0 in holes) and where they are known."""
-    n_z = normals[..., 2]
-    steepest = np.maximum(np.abs(normals[..., 0]), np.abs(normals[..., 1]))
-    with np.errstate(invalid="ignore"):
-        valid = np.isfinite(normals).all(axis=-1) & (n_z > 0.0) & (steepest <= MAX_SLOPE * n_z)
-    safe = np.where(valid, n_z, 1.0)
-    p = np.where(valid, -normals[..., 0] / safe, 0.0)
-    q = np.where(valid, -normals[..., 1] / safe, 0.0)
+    shape = normals.shape[:2]
+    p, q, valid = np.empty(shape), np.empty(shape), np.empty(shape, np.bool_)
+    _slopes(np.ascontiguousarray(normals, np.float64), p, q, valid)
     return p, q, valid
 
 
-def integrate_slopes(p: Array, q: Array, valid: NDArray[np.bool_], pitch: float, tolerance: float = 1e-6) -> Array:
-    """Integrate slopes dz/dx (`p`) and dz/dy (`q`), each of shape (height, width); mean 0 over `valid`."""
+@njit(cache=True, nogil=True)
+def _slopes(normals: Array, p: Array, q: Array, valid: Mask) -> None:
+    for i in range(p.shape[0]):
+        for j in range(p.shape[1]):
+            n_x, n_y, n_z = normals[i, j, 0], normals[i, j, 1], normals[i, j, 2]
+            # NaN fails every comparison.
+            known = n_z > 0.0 and abs(n_x) <= MAX_SLOPE * n_z and abs(n_y) <= MAX_SLOPE * n_z
+            valid[i, j] = known
+            p[i, j] = -n_x / n_z if known else 0.0
+            q[i, j] = -n_y / n_z if known else 0.0
+
+
+def integrate_slopes(
+    p: Array,
+    q: Array,
+    valid: Mask,
+    pitch: float,
+    tolerance: float = 1e-6,
+    *,
+    sigma: Array | None = None,
+    ties: Array | None = None,
+    ties_sigma: float = 0.01,
+    discontinuities: bool = False,
+) -> Array:
+    """Integrate slopes dz/dx (`p`) and dz/dy (`q`), each of shape (height, width), known where `valid`.
+
+    The rest is as in `integrate_normals`.
+    """
+    _raise_unless_fitting(p.shape, sigma, ties, ties_sigma)
+    if sigma is not None:
+        valid = valid & np.isfinite(sigma)
     if not valid.any():
         return np.full(p.shape, np.nan)
-    # A pair of neighbours counts if both ends are known. y grows upwards, rows downwards.
-    w_x = (valid[:, :-1] & valid[:, 1:]).astype(np.float64)
-    w_y = (valid[:-1] & valid[1:]).astype(np.float64)
-    g_x = 0.5 * pitch * (p[:, :-1] + p[:, 1:])
-    g_y = -0.5 * pitch * (q[:-1] + q[1:])
-    right_side = _transposed_differences(w_x * g_x, w_y * g_y)
-    eigenvalues = _laplacian_eigenvalues(p.shape)
-    if valid.all():
-        z = _solve_poisson(right_side, eigenvalues)
+    if sigma is None and ties is None and not discontinuities and valid.all():
+        return _solve_poisson(_full_right_side(p, q, pitch))
+    v_p, v_q = _slope_variances(p, q, valid, sigma)
+    # A pair weighs as though its noise were its own. It shares each slope with the next pair, so that is the
+    # variance which makes a long path as uncertain as it is: a slope's for each pair, not half of it.
+    g_x, w_x = _pairs(p, v_p, pitch, along_rows=True, curved=not discontinuities)
+    g_y, w_y = _pairs(q, v_q, pitch, along_rows=False, curved=not discontinuities)
+    heights = np.full(p.shape, np.nan) if ties is None else ties
+    known = valid & np.isfinite(heights)
+    t, h = np.where(known, 1.0 / ties_sigma**2, 0.0), np.where(known, heights, 0.0)
+    if discontinuities:
+        z = solve_robustly(g_x, g_y, w_x, w_y, t, h, pitch, tolerance)
     else:
-        z = _solve_with_holes(right_side, w_x, w_y, eigenvalues, tolerance)
-    return np.asarray(z - z[valid].mean())
+        system = PairSystem(w_x, w_y, t)
+        z = system.solve(system.right_side(g_x, g_y, h), tolerance)
+    return _with_means_removed(z, valid, known)
 
 
-def _transposed_differences(along_x: Array, along_y: Array) -> Array:
-    """D^T applied to values on horizontal and vertical pairs."""
-    z = np.zeros((along_x.shape[0], along_y.shape[1]))
-    z[:, 1:] += along_x
-    z[:, :-1] -= along_x
-    z[1:] += along_y
-    z[:-1] -= along_y
-    return z
+def _raise_unless_fitting(shape: tuple[int, ...], sigma: Array | None, ties: Array | None, ties_sigma: float) -> None:
+    for name, given in (("sigma", sigma), ("ties", ties)):
+        if given is not None and given.shape != shape:
+            raise ValueError(f"{name} has shape {given.shape}; the map has {shape}. Give one value for each pixel.")
+    if not ties_sigma > 0.0:
+        raise ValueError(f"ties_sigma is {ties_sigma} mm; it must be positive. State how well the heights are known.")
 
 
-def _laplacian_eigenvalues(shape: tuple[int, ...]) -> Array:
-    rows, columns = (2.0 - 2.0 * np.cos(np.pi * np.arange(n) / n) for n in shape)
-    eigenvalues = rows[:, None] + columns[None, :]
-    eigenvalues[0, 0] = 1.0  # the mean, which the slopes leave free and the caller sets
-    return np.asarray(eigenvalues)
+def _slope_variances(p: Array, q: Array, valid: Mask, sigma: Array | None) -> tuple[Array, Array]:
+    """Return the variances of p and q, NaN in holes.
+
+    With J the derivative of p = -n_x / n_z at a unit normal, J J^T = (1 + p^2 + q^2) (1 + p^2).
+    """
+    if sigma is None:
+        uniform = np.where(valid, UNSTATED_SIGMA**2, np.nan)
+        return uniform, uniform
+    middle = float(np.median(sigma[valid])) or 1.0
+    variance = np.where(valid, np.clip(sigma, SIGMA_FLOOR * middle, SIGMA_CAP * middle) ** 2, np.nan)
+    steepness = 1.0 + p * p + q * q
+    return variance * steepness * (1.0 + p * p), variance * steepness * (1.0 + q * q)
 
 
-def _solve_poisson(right_side: Array, eigenvalues: Array) -> Array:
-    spectrum = dctn(right_side, norm="ortho") / eigenvalues
+def _pairs(s: Array, variance: Array, pitch: float, along_rows: bool, curved: bool) -> tuple[Array, Array]:
+    """Return increments and weights (1 / mm^2) of all pairs, each of shape (height, width)."""
+    g, w = np.zeros_like(s), np.zeros_like(s)
+    # y grows upwards, rows downwards.
+    if along_rows:
+        _weigh_pairs(s, variance, pitch, 0, 1, curved, g, w)
+    else:
+        _weigh_pairs(s, variance, -pitch, 1, 0, curved, g, w)
+    return g, w
+
+
+@njit(cache=True, nogil=True)
+def _mean_slope(a: float, b: float, c: float, n_c: int) -> float:
+    """Return the mean slope over a pair; `c` is the sum of the `n_c` second differences that are known."""
+    return 0.5 * (a + b) - c / (12.0 * max(n_c, 1))
+
+
+@njit(cache=True, nogil=True)
+def _weigh_pairs(s: Array, variance: Array, step: float, di: int, dj: int, curved: bool, g: Array, w: Array) -> None:
+    # Scalars only go into helpers: an array would be reference-counted at every pixel, six times the time.
+    height, width = s.shape
+    for i in range(height - di):
+        for j in range(width - dj):
+            a, b = s[i, j], s[i + di, j + dj]
+            v_a, v_b = variance[i, j], variance[i + di, j + dj]
+            if not v_a + v_b > 0.0:  # a NaN: one of them is a hole
+                continue
+            trusted = TRUSTED_RATIO**2 * max(v_a, v_b) if curved else -1.0
+            c, n_c = 0.0, 0
+            if i >= di and j >= dj and variance[i - di, j - dj] <= trusted:
+                c, n_c = c + s[i - di, j - dj] - 2.0 * a + b, n_c + 1
+            if i + 2 * di < height and j + 2 * dj < width and variance[i + 2 * di, j + 2 * dj] <= trusted:
+                c, n_c = c + a - 2.0 * b + s[i + 2 * di, j + 2 * dj], n_c + 1
+            g[i, j] = step * _mean_slope(a, b, c, n_c)
+            w[i, j] = 2.0 / (step * step * (v_a + v_b))
+
+
+def _full_right_side(p: Array, q: Array, pitch: float) -> Array:
+    """Return D^T g where no pixel is missing and all weigh the same."""
+    total = np.zeros(p.shape)
+    _add_full(p, pitch, 0, 1, total)
+    _add_full(q, -pitch, 1, 0, total)
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _add_full(s: Array, step: float, di: int, dj: int, total: Array) -> None:
+    height, width = s.shape
+    for i in range(height - di):
+        for j in range(width - dj):
+            a, b = s[i, j], s[i + di, j + dj]
+            c, n_c = 0.0, 0
+            if i >= di and j >= dj:
+                c, n_c = c + s[i - di, j - dj] - 2.0 * a + b, n_c + 1
+            if i + 2 * di < height and j + 2 * dj < width:
+                c, n_c = c + a - 2.0 * b + s[i + 2 * di, j + 2 * dj], n_c + 1
+            g = step * _mean_slope(a, b, c, n_c)
+            total[i, j] -= g
+            total[i + di, j + dj] += g
+
+
+def _solve_poisson(right_side: Array) -> Array:
+    spectrum = dctn(right_side, norm="ortho", workers=THREADS, overwrite_x=True)
+    rows, columns = (2.0 - 2.0 * np.cos(np.pi * np.arange(n) / n) for n in right_side.shape)
+    spectrum[0, 1:] /= columns[1:]  # the mean, at [0, 0], is free
+    spectrum[1:] /= rows[1:, None] + columns[None, :]
     spectrum[0, 0] = 0.0
-    return np.asarray(idctn(spectrum, norm="ortho"))
+    return np.asarray(idctn(spectrum, norm="ortho", workers=THREADS, overwrite_x=True))
 
 
-def _solve_with_holes(right_side: Array, w_x: Array, w_y: Array, eigenvalues: Array, tolerance: float) -> Array:
-    shape = right_side.shape
-    # Pixels without a neighbour would make the matrix singular beyond the mean; a whisper of the identity
-    # holds them at zero and moves the others by less than the tolerance.
-    whisper = 1e-9
-
-    def matrix(z: Array) -> Array:
-        z = z.reshape(shape)
-        differences = _transposed_differences(w_x * np.diff(z, axis=1), w_y * np.diff(z, axis=0))
-        return np.asarray((differences + whisper * z).ravel())
-
-    def preconditioner(r: Array) -> Array:
-        return np.asarray(_solve_poisson(r.reshape(shape), eigenvalues).ravel() + r.mean())
-
-    size = right_side.size
-    solution, _ = cg(
-        LinearOperator((size, size), matvec=matrix, dtype=np.float64),
-        right_side.ravel(),
-        rtol=tolerance,
-        maxiter=500,
-        M=LinearOperator((size, size), matvec=preconditioner, dtype=np.float64),
-    )
-    return np.asarray(solution.reshape(shape))
+def _with_means_removed(z: Array, valid: Mask, known: Mask) -> Array:
+    """Give each connected part that has no known height the mean 0, and holes NaN."""
+    parts, n_parts = ndimage.label(valid)
+    means = np.bincount(parts.ravel(), z.ravel(), n_parts + 1) / np.maximum(np.bincount(parts.ravel()), 1)
+    means[parts[known]] = 0.0
+    return np.where(valid, z - means[parts], np.nan)
 
 
-def depth_sigma(normal_sigma: Array, pitch: float, rng: np.random.Generator, n_draws: int = 12) -> Array:
+def depth_sigma(
+    normal_sigma: Array,
+    pitch: float,
+    rng: np.random.Generator,
+    n_draws: int = 32,
+    *,
+    weighted: bool = False,
+    ties: Array | None = None,
+    ties_sigma: float = 0.01,
+) -> Array:
     """Propagate the normals' noise through the integration by drawing from it.
 
     Noise is taken as independent from pixel to pixel; a systematic error of the normals (a tilt, a bowl)
-    is not in it.
+    is not in it. A large map is drawn in blocks of b x b pixels. Depth noise of slopes of variance v has in two
+    dimensions the same variance, v pitch^2 / (2 pi), in every e-fold of wavelengths, and blocks keep v pitch^2:
+    what they miss is ln(b) of these, which is added pixel by pixel.
 
     Parameters
     ----------
@@ -138,16 +280,76 @@ def depth_sigma(normal_sigma: Array, pitch: float, rng: np.random.Generator, n_d
     rng : numpy.random.Generator
     n_draws : int
         More draws make the map smoother: its own relative error is about 1 / sqrt(2 n_draws).
+    weighted : bool
+        Whether `normal_sigma` also weighs the integration, as `sigma` of `integrate_normals`.
+    ties, ties_sigma
+        As in `integrate_normals`.
 
     Returns
     -------
     ndarray, shape (height, width)
-        One standard deviation of depth, mm.
+        One standard deviation of depth, mm; NaN in holes.
+
+    Raises
+    ------
+    ValueError
+        If `ties` have another shape than the map, or `ties_sigma` is not positive.
     """
+    _raise_unless_fitting(normal_sigma.shape, None, ties, ties_sigma)
     valid = np.isfinite(normal_sigma)
-    sigma = np.where(valid, normal_sigma, 0.0)
-    total = np.zeros(normal_sigma.shape)
+    if not valid.any():
+        return np.full(normal_sigma.shape, np.nan)
+    block = -(-max(normal_sigma.shape) // LARGEST_DRAWN)
+    sigma = _sigma_of_block_means(normal_sigma, block)
+    tied = None
+    if ties is not None and np.any(known := valid & np.isfinite(ties)):
+        tied = _sigma_of_block_means(np.where(known, ties_sigma, np.nan), block)
+    variance = _drawn_variance(sigma, block * pitch, rng, n_draws, weighted, tied)
+    if block > 1:
+        variance = _refined(variance, block, normal_sigma.shape)
+        variance += np.log(block) / (2.0 * np.pi) * (pitch * normal_sigma) ** 2
+    return np.where(valid, np.sqrt(variance), np.nan)
+
+
+def _drawn_variance(
+    sigma: Array, pitch: float, rng: np.random.Generator, n_draws: int, weighted: bool, tied: Array | None
+) -> Array:
+    valid, total = np.isfinite(sigma), np.zeros(sigma.shape)
+    spread = np.where(valid, sigma, 0.0)
     for _ in range(n_draws):
-        noise = sigma * rng.standard_normal((2, *sigma.shape))
-        total += integrate_slopes(noise[0], noise[1], valid, pitch, 1e-3) ** 2
-    return np.where(valid, np.sqrt(total / n_draws), np.nan)
+        p, q = spread * rng.standard_normal((2, *sigma.shape))
+        heights = None if tied is None else tied * rng.standard_normal(tied.shape)
+        total += (
+            integrate_slopes(
+                p,
+                q,
+                valid,
+                pitch,
+                1e-3,
+                sigma=sigma if weighted else None,
+                ties=heights,
+                ties_sigma=1.0 if tied is None else float(np.nanmedian(tied)),
+            )
+            ** 2
+        )
+    return total / n_draws
+
+
+def _sigma_of_block_means(sigma: Array, block: int) -> Array:
+    """Return the sigma of the mean over each block's known pixels, NaN where there are none."""
+    known = np.isfinite(sigma)
+    edges = [np.arange(0, n, block) for n in sigma.shape]
+    total, count = (
+        np.add.reduceat(np.add.reduceat(a, edges[0], axis=0), edges[1], axis=1)
+        for a in (np.where(known, sigma, 0.0) ** 2, known.astype(np.float64))
+    )
+    return np.where(count > 0.0, np.sqrt(total) / np.maximum(count, 1.0), np.nan)
+
+
+def _refined(coarse: Array, block: int, shape: tuple[int, ...]) -> Array:
+    """Interpolate values of blocks at the pixels; unknown blocks take the nearest known value."""
+    nearest = ndimage.distance_transform_edt(np.isnan(coarse), return_distances=False, return_indices=True)
+    rows, columns = ((np.arange(n) - 0.5 * (block - 1)) / block for n in shape)
+    filled = coarse[tuple(nearest)]
+    along = np.apply_along_axis(lambda a: np.interp(rows, np.arange(a.size), a), 0, filled)
+    return np.asarray(np.apply_along_axis(lambda a: np.interp(columns, np.arange(a.size), a), 1, along))

@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.dictionary import Atom, Dictionary
-from analysis.fitting import Noise, PixelFits, PixelProblem
+from analysis.fitting import PixelProblem
 from analysis.metrics import psnr_db, relative_rms
+from analysis.pixel_fits import PixelFits
 from analysis.reconstruction import Reconstruction
 from analysis.reflectance import Cosines
+from analysis.scene_palette import relearn, solve_scene
+from analysis.stack import Stack
 
 Array = NDArray[np.float64]
 
@@ -66,7 +69,8 @@ def leave_out(
 ) -> tuple[LeftOutView, ...]:
     """Leave each of `views` out in turn, fit `pixels` anew without it, and predict it.
 
-    Geometry (depth, poses, light) stays that of the full fit; normals and BRDF start from nothing.
+    Geometry (depth, poses, light) and the number of materials stay those of the full fit; a palette's curves are
+    refined without the view, normals and shares start from nothing.
 
     Parameters
     ----------
@@ -87,9 +91,12 @@ def _leave_one(
     if stack.saturated is not None:
         clipped = stack.saturated[view].reshape(-1, measured.shape[1])[pixels]
         measured = np.where(clipped > 0, np.nan, measured)
-    ours = _predict(reconstruction, reconstruction.fits.dictionary, view, pixels, noise, robust=True)
+    others = np.delete(np.arange(stack.n_views), view)
+    fewer = stack.with_views(others)
+    ours = _predict(reconstruction, _fits_without(reconstruction, fewer, pixels), view, pixels)
     # Plain least squares for the rival: a robust one would give up the highlights at once.
-    lambert = _predict(reconstruction, LAMBERT, view, pixels, noise, robust=False)
+    rival = PixelProblem(fewer, LAMBERT, pixels, reconstruction.depth).solve(noise, robust=False)
+    lambert = _predict(reconstruction, rival, view, pixels)
     common = np.isfinite(ours) & np.isfinite(lambert) & np.isfinite(measured)
     measured = np.where(common, measured, np.nan)
     peak = float(np.nanmax(measured)) if common.any() else float("nan")
@@ -106,18 +113,16 @@ def _leave_one(
     )
 
 
-def _predict(
-    reconstruction: Reconstruction,
-    dictionary: Dictionary,
-    view: int,
-    pixels: NDArray[np.int64],
-    noise: Noise,
-    *,
-    robust: bool,
-) -> Array:
+def _fits_without(reconstruction: Reconstruction, fewer: Stack, pixels: NDArray[np.int64]) -> PixelFits:
+    """Fit `pixels` to fewer views, the palette's curves refined without the one left out."""
+    noise, depth, scene = reconstruction.noise, reconstruction.depth, reconstruction.palette
+    if scene is None:
+        return PixelProblem(fewer, reconstruction.fits.dictionary, pixels, depth).solve(noise)
+    return solve_scene(relearn(scene, fewer, noise, depth), fewer, noise, depth, None, pixels=pixels)
+
+
+def _predict(reconstruction: Reconstruction, fits: PixelFits, view: int, pixels: NDArray[np.int64]) -> Array:
     stack = reconstruction.stack
-    others = np.delete(np.arange(stack.n_views), view)
-    problem = PixelProblem(stack.with_views(others), dictionary, pixels, reconstruction.depth)
-    fits = problem.solve(noise, robust=robust)
+    points = stack.grid.points(np.nan_to_num(reconstruction.depth)).reshape(-1, 3)[pixels]
     power = float(stack.light_power[view])
-    return fits.radiance(problem.points, stack.camera_position[view], stack.light_position[view], power)
+    return fits.radiance(points, stack.camera_position[view], stack.light_position[view], power)

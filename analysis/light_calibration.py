@@ -79,7 +79,7 @@ def estimate_light_offset(
 ) -> LightOffset:
     """Find the offset that leaves the smallest residual over the most glossy of a sample of pixels.
 
-    Minimises sum_p dof/2 log(chi^2_p) + the prior (s - s_0)^2 / (2 sigma_0^2): each pixel's noise level is
+    Minimises sum_p dof/2 log(l_p) + the prior (s - s_0)^2 / (2 sigma_0^2): each pixel's noise level is
     profiled out, so that a few bad pixels do not decide. Nelder-Mead on the two lateral components.
 
     Parameters
@@ -107,8 +107,8 @@ def estimate_light_offset(
     def losses(lateral: Array) -> Array:
         offset = np.array([lateral[0], lateral[1], start.value[2]])
         fits = problem.solve(noise, start=normals, light_position=light_position(stack, offset))
-        chi2 = np.where(np.isfinite(fits.reduced_chi2), fits.reduced_chi2, 1.0)
-        return np.asarray(0.5 * degrees * np.log(np.maximum(chi2, 1e-9)))
+        loss = np.where(np.isfinite(fits.loss), fits.loss, 1.0)
+        return np.asarray(0.5 * degrees * np.log(np.maximum(loss, 1e-9)))
 
     def loss(lateral: Array) -> float:
         prior = np.sum(((lateral - start.value[:2]) / start.sigma[:2]) ** 2) / 2.0

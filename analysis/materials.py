@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.vq import kmeans2
 
-from analysis.fitting import PixelFits
+from analysis.palette import PALETTE, material_name
+from analysis.pixel_fits import PixelFits
 from analysis.reflectance import Cosines
 
 Array = NDArray[np.float64]
@@ -25,7 +26,8 @@ def group_materials(fits: PixelFits) -> NDArray[np.int16]:
 
     k-means on principal components; the number of groups is the largest whose last one was worth it
     (`WORTHWHILE`). Groups are numbered by size, the largest 0; unsolved pixels are -1. A description of
-    the scene, not a model of it: curves are not shared within a group.
+    the scene, not a model of it: curves are not shared within a group. Where a palette was used, groups are
+    its materials instead, by the largest share of each pixel; pixels that use none of them are one more group.
 
     Returns
     -------
@@ -35,7 +37,12 @@ def group_materials(fits: PixelFits) -> NDArray[np.int16]:
     group = np.full(len(fits.normals), -1, np.int16)
     if len(solved) == 0:
         return group
-    features = _features(fits, solved)
+    if fits.dictionary.name == PALETTE:
+        leading = leading_material(fits)[solved]
+        nearest = np.unique(leading, return_inverse=True)[1]
+        group[solved] = _ranked(nearest, nearest.max() + 1)
+        return group
+    features = curve_features(fits, solved)
     sample = np.random.default_rng(_SEED).choice(len(features), min(len(features), _N_FITTED), replace=False)
     centres = features[sample].mean(axis=0, keepdims=True)
     best, spread = centres, _distance2(features[sample], centres).min(axis=1).mean()
@@ -49,9 +56,35 @@ def group_materials(fits: PixelFits) -> NDArray[np.int16]:
         spread = less_spread
     centres = best
     nearest = _distance2(features, centres).argmin(axis=1)
-    order = np.argsort(-np.bincount(nearest, minlength=len(centres)), kind="stable")
-    group[solved] = np.argsort(order)[nearest]
+    group[solved] = _ranked(nearest, len(centres))
     return group
+
+
+def _ranked(group: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+    """Return the groups numbered by size, the largest 0."""
+    order = np.argsort(-np.bincount(group, minlength=n), kind="stable")
+    return np.asarray(np.argsort(order)[group])
+
+
+def materials_used(fits: PixelFits) -> NDArray[np.int64]:
+    """Return the palette's materials in each pixel, shape (P, MAX_ATOMS); -1 = none of them."""
+    n_channels = fits.atom.shape[1]
+    atoms = fits.dictionary.atoms
+    n_own = next((i for i, atom in enumerate(atoms) if atom.name != material_name(i // n_channels)), len(atoms))
+    of_palette = (fits.atom[:, 0] >= 0) & (fits.atom[:, 0] < n_own)
+    return np.where(of_palette, fits.atom[:, 0] // n_channels, -1).astype(np.int64)
+
+
+def leading_material(fits: PixelFits) -> NDArray[np.int64]:
+    """Return the palette's material with the largest share in each pixel, shape (P,); -1 = none of them."""
+    material = materials_used(fits)
+    slot = np.where(material >= 0, fits.coefficient[:, 0], -1.0).argmax(axis=1)
+    return np.asarray(np.take_along_axis(material, slot[:, None], axis=1)[:, 0])
+
+
+def cluster(features: Array, k: int) -> NDArray[np.int64]:
+    """Return for each row of `features` which of `k` groups it belongs to (k-means, the best of a few runs)."""
+    return np.asarray(_distance2(features, _k_means(features, k)[0]).argmin(axis=1))
 
 
 def _k_means(features: Array, k: int) -> tuple[Array, float]:
@@ -64,7 +97,8 @@ def _k_means(features: Array, k: int) -> tuple[Array, float]:
     return np.asarray(runs[best]), spreads[best]
 
 
-def _features(fits: PixelFits, solved: NDArray[np.int64]) -> Array:
+def curve_features(fits: PixelFits, solved: NDArray[np.int64]) -> Array:
+    """Return what tells the curves of these pixels apart, shape (len(solved), at most `_N_COMPONENTS`)."""
     near, far = np.median(fits.theta_h_range[solved], axis=0)
     angles = np.broadcast_to(np.linspace(near, far, _N_ANGLES), (len(solved), _N_ANGLES))
     curves = fits.select(solved).brdf(Cosines.on_slice(angles)).reshape(len(solved), -1)

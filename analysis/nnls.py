@@ -7,23 +7,38 @@ tests compare with; it is a hundred times slower here, since it starts cold and 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from analysis.kernel import fast_kernel, kernel
 
 Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
 Indices = NDArray[np.int64]
-Work = tuple[Array, Array, Array, Array, Array, Array, Array32, Array32]
+
+
+class Work(NamedTuple):
+    """Scratch of one problem of N rows and K atoms, and what is known of its solution."""
+
+    columns: NDArray[np.float64]  # [MAX_ATOMS, N] the active atoms
+    G: NDArray[np.float64]  # [MAX_ATOMS, MAX_ATOMS] their Gram matrix
+    b: NDArray[np.float64]  # [MAX_ATOMS] their products with the target
+    L: NDArray[np.float64]  # [MAX_ATOMS, MAX_ATOMS] the Cholesky factor of G
+    x: NDArray[np.float64]  # [MAX_ATOMS]
+    r: NDArray[np.float64]  # [N] the residual
+    g: NDArray[np.float32]  # [K]
+    d: NDArray[np.float32]  # [K]
+
 
 MAX_ATOMS = 6
 """Most atoms that one channel of one pixel may use; more never paid (docs/decisions/0004)."""
 
 
-@njit(cache=True, nogil=True)
-def _cholesky_solve(G: Array, b: Array, m: int, x: Array, L: Array) -> bool:
-    """Solve G x = b for the leading m by m block; False if it is not positive definite."""
+@kernel
+def cholesky(G: Array, m: int, L: Array) -> bool:
+    """Factor the leading m by m block of G = L L^T; False if it is not positive definite."""
     for i in range(m):
         for j in range(i + 1):
             total = G[i, j]
@@ -38,18 +53,25 @@ def _cholesky_solve(G: Array, b: Array, m: int, x: Array, L: Array) -> bool:
                 L[i, i] = math.sqrt(total)
             else:
                 L[i, j] = total / L[j, j]
-    solve_factored(L, b, m, x)
     return True
 
 
-@njit(cache=True, nogil=True)
-def solve_factored(L: Array, b: Array, m: int, x: Array) -> None:
-    """Solve L L^T x = b."""
+@kernel
+def solve_lower(L: Array, x: Array, m: int) -> None:
+    """Solve L x = b in place of b."""
     for i in range(m):
-        total = b[i]
+        total = x[i]
         for k in range(i):
             total -= L[i, k] * x[k]
         x[i] = total / L[i, i]
+
+
+@kernel
+def solve_factored(L: Array, b: Array, m: int, x: Array) -> None:
+    """Solve L L^T x = b."""
+    for i in range(m):
+        x[i] = b[i]
+    solve_lower(L, x, m)
     for i in range(m - 1, -1, -1):
         total = x[i]
         for k in range(i + 1, m):
@@ -57,7 +79,7 @@ def solve_factored(L: Array, b: Array, m: int, x: Array) -> None:
         x[i] = total / L[i, i]
 
 
-@njit(cache=True, nogil=True)
+@fast_kernel
 def _gather(
     phi: Array32, w: Array, y: Array, k: int, slot: int, active: Indices, columns: Array, G: Array, b: Array
 ) -> None:
@@ -77,28 +99,31 @@ def _gather(
         G[j, slot] = total
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _drop(slot: int, m: int, active: Indices, a: Array, columns: Array, G: Array, b: Array) -> None:
     """Take the atom in `slot` out of the first m."""
     for j in range(slot, m - 1):
         active[j] = active[j + 1]
         a[j] = a[j + 1]
         b[j] = b[j + 1]
-        columns[j] = columns[j + 1]
-    for i in range(slot, m - 1):
-        G[i, :m] = G[i + 1, :m]
+        for v in range(columns.shape[1]):
+            columns[j, v] = columns[j + 1, v]
+        for i in range(m):
+            G[j, i] = G[j + 1, i]
     for j in range(slot, m - 1):
-        G[: m - 1, j] = G[: m - 1, j + 1]
+        for i in range(m - 1):
+            G[i, j] = G[i, j + 1]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _solve_active(m: int, active: Indices, a: Array, columns: Array, G: Array, b: Array, L: Array, x: Array) -> int:
     """Least squares on the active atoms, those that turn negative dropped [lawson1974, ch. 23]; returns m."""
     while m > 0:
-        if not _cholesky_solve(G, b, m, x, L):
+        if not cholesky(G, m, L):
             _drop(m - 1, m, active, a, columns, G, b)
             m -= 1
             continue
+        solve_factored(L, b, m, x)
         worst, step = -1, 1.0
         for j in range(m):
             if x[j] <= 0.0:
@@ -116,7 +141,7 @@ def _solve_active(m: int, active: Indices, a: Array, columns: Array, G: Array, b
     return 0
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@fast_kernel
 def _correlations(phi: Array32, w: Array, r: Array, g: Array32, d: Array32) -> None:
     """g_k = sum_v w r phi_k and d_k = sum_v w phi_k^2 for all atoms."""
     n_views, n_atoms = phi.shape
@@ -131,7 +156,7 @@ def _correlations(phi: Array32, w: Array, r: Array, g: Array32, d: Array32) -> N
             d[k] += wv * p * p
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def nnls(
     phi: Array32, w: Array, y: Array, tolerance: float, most: int, m: int, active: Indices, a: Array, work: Work
 ) -> int:
@@ -150,9 +175,8 @@ def nnls(
         At most `MAX_ATOMS`.
     m, active, a : int and ndarrays of shape (MAX_ATOMS,)
         A warm start, updated in place: the number of active atoms, their indices and coefficients.
-    work : tuple of ndarray
-        Scratch, see `nnls_work`; on return work[0][:m] are the active columns, work[1] their Gram
-        matrix, work[3] its Cholesky factor, work[5] the residual.
+    work : Work
+        On return its columns, G, L and r are those of the solution.
 
     Returns
     -------
@@ -160,16 +184,12 @@ def nnls(
         The number of active atoms.
     """
     columns, G, b, L, x, r, g, d = work
-    n_views, n_atoms = phi.shape
+    n_atoms = phi.shape[1]
     for slot in range(m):
         _gather(phi, w, y, active[slot], slot, active, columns, G, b)
     m = _solve_active(m, active, a, columns, G, b, L, x)
     for _ in range(3 * MAX_ATOMS):
-        for v in range(n_views):
-            fit = 0.0
-            for j in range(m):
-                fit += a[j] * columns[j, v]
-            r[v] = y[v] - fit
+        _residual(columns, a, m, y, r)
         if m >= most:
             break
         _correlations(phi, w, r, g, d)
@@ -200,7 +220,7 @@ def nnls(
     return m
 
 
-@njit(cache=True, nogil=True)
+@fast_kernel
 def _best_beside_active(
     phi: Array32,
     w: Array,
@@ -243,19 +263,19 @@ def _best_beside_active(
     return best
 
 
-@njit(cache=True, nogil=True)
+@fast_kernel
 def _residual(columns: Array, a: Array, m: int, y: Array, r: Array) -> None:
     for v in range(y.shape[0]):
-        fit = 0.0
-        for j in range(m):
-            fit += a[j] * columns[j, v]
-        r[v] = y[v] - fit
+        r[v] = y[v]
+    for j in range(m):
+        for v in range(y.shape[0]):
+            r[v] -= a[j] * columns[j, v]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def nnls_work(n_views: int, n_atoms: int) -> Work:
-    """Allocate the scratch arrays of `nnls`."""
-    return (
+    """Allocate the scratch of `nnls`."""
+    return Work(
         np.zeros((MAX_ATOMS, n_views)),
         np.zeros((MAX_ATOMS, MAX_ATOMS)),
         np.zeros(MAX_ATOMS),

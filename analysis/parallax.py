@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from analysis.pixel_samples import Samples
 from analysis.stack import Stack
 
 Array = NDArray[np.float64]
@@ -24,7 +25,7 @@ Mask = NDArray[np.uint8]
 _CLIPPED_SHARE = 0.02  # a clipped sample of less weight leaves the value a value
 
 
-def parallax_shift(stack: Stack, depth: Array) -> Array:
+def parallax_shift(stack: Stack, depth: Array, pixels: NDArray[np.int64] | None = None) -> Array:
     """Return how far each view shows each surface point from its own pixel.
 
     Parameters
@@ -32,18 +33,22 @@ def parallax_shift(stack: Stack, depth: Array) -> Array:
     stack : Stack
     depth : ndarray, shape (H, W)
         Millimetres; NaN counts as 0.
+    pixels : ndarray of int, shape (P,), or None
+        Flat indices of the pixels asked about; None = all, H * W of them.
 
     Returns
     -------
-    ndarray, shape (N, H, W, 2)
+    ndarray, shape (N, P, 2)
         Columns and rows, pixels.
     """
-    z = np.nan_to_num(depth)
-    X = stack.grid.points()
-    C = stack.camera_position[:, None, None, :]
+    z = np.nan_to_num(depth).ravel()
+    X = stack.grid.points().reshape(-1, 3)
+    if pixels is not None:
+        z, X = z[pixels], X[pixels]
+    C = stack.camera_position[:, None, :]
     factor = z / (C[..., 2] - z)
-    shift_x = (X[..., 0] - C[..., 0]) * factor / stack.pixel_pitch
-    shift_y = (X[..., 1] - C[..., 1]) * factor / stack.pixel_pitch
+    shift_x = (X[:, 0] - C[..., 0]) * factor / stack.pixel_pitch
+    shift_y = (X[:, 1] - C[..., 1]) * factor / stack.pixel_pitch
     return np.stack([shift_x, -shift_y], axis=-1)
 
 
@@ -59,27 +64,44 @@ def follow_surface(stack: Stack, depth: Array) -> Stack:
     depth : ndarray, shape (H, W)
         Millimetres; NaN counts as 0.
     """
-    shift = parallax_shift(stack, depth)
-    radiance = np.empty_like(stack.radiance)
-    # Without a variance or a mask there is nothing to resample; one empty view stands in for the kernel.
+    samples = follow_pixels(stack, depth, np.arange(depth.size))
+    shape = stack.radiance.shape
+    return replace(
+        stack,
+        radiance=samples.radiance.reshape(shape),
+        variance=None if stack.variance is None else samples.variance.reshape(shape),
+        saturated=None if stack.saturated is None else samples.saturated.reshape(shape),
+    )
+
+
+def follow_pixels(stack: Stack, depth: Array, pixels: NDArray[np.int64]) -> Samples:
+    """Return what `follow_surface` would have at some pixels, without resampling the others.
+
+    Parameters
+    ----------
+    stack, depth
+        As `follow_surface` takes them.
+    pixels : ndarray of int, shape (P,)
+        Flat indices.
+    """
+    n_views, _, _, n_channels = stack.radiance.shape
+    shape = (n_views, len(pixels), n_channels)
+    # Without a variance or a mask there is nothing to resample; an empty view stands in for the kernel.
     nothing = np.zeros((1, 0, 0, 0), np.float32)
-    variance = nothing if stack.variance is None else np.empty_like(stack.variance)
-    saturated = nothing.astype(np.uint8) if stack.saturated is None else np.empty_like(stack.saturated)
+    out = Samples(np.empty(shape, np.float32), np.zeros(shape, np.float32), np.zeros(shape, np.uint8))
     _resample(
         stack.radiance,
         nothing if stack.variance is None else stack.variance,
         nothing.astype(np.uint8) if stack.saturated is None else stack.saturated,
-        shift,
-        radiance,
-        variance,
-        saturated,
+        stack.camera_position,
+        stack.pixel_pitch,
+        np.nan_to_num(depth),
+        pixels,
+        out.radiance,
+        out.variance,
+        out.saturated,
     )
-    return replace(
-        stack,
-        radiance=radiance,
-        variance=None if stack.variance is None else variance,
-        saturated=None if stack.saturated is None else saturated,
-    )
+    return out
 
 
 @njit(cache=True, nogil=True)
@@ -96,17 +118,24 @@ def _resample(
     radiance: Array32,
     variance: Array32,
     saturated: Mask,
-    shift: Array,
+    camera: Array,
+    pitch: float,
+    depth: Array,
+    pixels: NDArray[np.int64],
     out_radiance: Array32,
     out_variance: Array32,
     out_saturated: Mask,
 ) -> None:
     n_views, height, width, n_channels = radiance.shape
-    for task in prange(n_views * height):
-        v, i = task // height, task % height
+    for v in prange(n_views):
         w_x, w_y = np.empty(4), np.empty(4)
-        for j in range(width):
-            x, y = j + shift[v, i, j, 0], i + shift[v, i, j, 1]
+        for p in range(pixels.shape[0]):
+            i, j = pixels[p] // width, pixels[p] % width
+            z = depth[i, j]
+            # The line of sight from the camera through the surface point meets the plane so far from it.
+            factor = z / (camera[v, 2] - z) / pitch
+            x = j + ((j - 0.5 * (width - 1)) * pitch - camera[v, 0]) * factor
+            y = i - ((0.5 * (height - 1) - i) * pitch - camera[v, 1]) * factor
             # Within half a pixel of the border the outermost samples are repeated; beyond, nothing is known.
             inside = -0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5
             x0, y0 = int(np.floor(x)), int(np.floor(y))
@@ -126,8 +155,8 @@ def _resample(
                                 noise += w * w * variance[v, r, c, ch]
                             if saturated.size > 0:
                                 clipped = clipped or (saturated[v, r, c, ch] > 0 and abs(w) > _CLIPPED_SHARE)
-                out_radiance[v, i, j, ch] = value if inside else np.nan
+                out_radiance[v, p, ch] = value if inside else np.nan
                 if variance.size > 0:
-                    out_variance[v, i, j, ch] = noise if inside else np.nan
+                    out_variance[v, p, ch] = noise if inside else np.nan
                 if saturated.size > 0:
-                    out_saturated[v, i, j, ch] = clipped
+                    out_saturated[v, p, ch] = clipped

@@ -1,4 +1,4 @@
-"""Registered stack to normals, depth and BRDF: the loop over geometry and the choices made from evidence."""
+"""Registered stack to normals, depth and BRDF: the loop over geometry."""
 
 from __future__ import annotations
 
@@ -9,19 +9,23 @@ from numpy.typing import NDArray
 
 from analysis import dictionary as dictionaries
 from analysis.choices import Choice
-from analysis.dictionary import Dictionary
-from analysis.fitting import Noise, PixelFits, PixelProblem, estimate_noise, sample_pixels
+from analysis.effects import (
+    choose_field,
+    choose_light,
+    choose_palette,
+    choose_parallax,
+    choose_power,
+    light_is_uncertain,
+    refine_light,
+)
+from analysis.fitting import Noise, PixelProblem, estimate_noise
 from analysis.identifiability import view_problems
 from analysis.integration import depth_sigma, integrate_normals
-from analysis.light_calibration import (
-    FEW_VIEWS,
-    LightOffset,
-    estimate_light_offset,
-    light_position,
-    looking_at_centre,
-    pooled_light_offset,
-)
-from analysis.parallax import follow_surface, parallax_shift
+from analysis.light_calibration import LightOffset
+from analysis.palette_brdf import MaterialBrdfs
+from analysis.parallax import follow_surface
+from analysis.pixel_fits import PixelFits
+from analysis.scene_palette import ScenePalette, relearn, solve_scene, with_curve_error
 from analysis.stack import Stack
 from analysis.stages import Stages
 from instrument.validation import raise_if_any
@@ -31,9 +35,6 @@ Array = NDArray[np.float64]
 ACCURACIES = {"draft": 0, "normal": 2, "best": 4}
 """How often geometry is updated from the depth; nothing moved after four."""
 
-SMALLEST_PARALLAX_PX = 0.1
-"""A shift of the views by less is not worth resampling them for."""
-
 
 @dataclass(frozen=True)
 class Options:
@@ -42,7 +43,7 @@ class Options:
     Attributes
     ----------
     dictionary : str
-        ``"parametric"``, ``"sgd"`` or ``"abc"``.
+        ``"parametric"``, ``"sgd"``, ``"abc"`` or a file of `halfangle dictionary build`.
     accuracy : {"draft", "normal", "best"}
         Number of geometry updates, `ACCURACIES`.
     light : {"auto", "given", "collocated", "estimate"}
@@ -50,6 +51,12 @@ class Options:
         the stack says and refined from the highlights if it says that it is uncertain.
     parallax : {"auto", "on", "off"}
         Whether views are resampled to follow the depth.
+    palette : {"auto", "on", "off"}
+        Whether pixels are mixtures of few materials that the scene shares, found from it, or each on its own.
+    power : {"auto", "given", "estimate"}
+        Whether each view's light power is corrected by what the whole scene says.
+    field : {"auto", "near", "far"}
+        Whether directions and fall-off are each pixel's own or those of the centre.
     independent : bool
         Pixels have nothing to do with each other: no depth.
     tolerance : float
@@ -64,6 +71,9 @@ class Options:
     accuracy: str = "normal"
     light: str = "auto"
     parallax: str = "auto"
+    palette: str = "auto"
+    power: str = "auto"
+    field: str = "auto"
     independent: bool = False
     tolerance: float = 2.0
     seed: int = 0
@@ -85,6 +95,10 @@ class Reconstruction:
     noise : Noise
     light_offset : LightOffset or None
         Where it was estimated.
+    palette : ScenePalette or None
+        Where one was used.
+    materials : MaterialBrdfs or None
+        The palette's materials over all angles.
     choices : tuple of Choice
     """
 
@@ -94,6 +108,8 @@ class Reconstruction:
     stack: Stack
     noise: Noise
     light_offset: LightOffset | None
+    palette: ScenePalette | None
+    materials: MaterialBrdfs | None
     choices: tuple[Choice, ...]
 
     @property
@@ -119,150 +135,122 @@ def reconstruct(stack: Stack, options: Options | None = None, stages: Stages | N
         If the views cannot determine normals (`view_problems`).
     """
     options = options or Options()
-    stages = stages or Stages()
     raise_if_any("The stack cannot be reconstructed.", view_problems(stack))
-    rng = np.random.default_rng(options.seed)
-    dictionary = dictionaries.by_name(options.dictionary)
-    with stages.measure("noise and light"):
-        stack, light_choice, light_offset = _choose_light(stack, dictionary, options, rng)
-        noise = estimate_noise(stack, dictionary, rng)
-    effects = [Choice("relative error", f"{noise.relative:.4f}", "the typical residual made one of its stated sigma")]
-    surface = stack.pixels == "surface" and not options.independent
-    with stages.measure("normals and BRDF"):
-        fits = _solve(stack, dictionary, noise, options, None, None)
-    depth = np.full(stack.grid.points().shape[:2], np.nan)
-    sigma = depth.copy()
-    fitted = stack
-    if surface:
-        for update in range(ACCURACIES[options.accuracy]):
-            with stages.measure("depth"):
-                depth = integrate_normals(_as_map(fits.normals, stack), stack.pixel_pitch)
-            with stages.measure("parallax"):
-                if update == 0:
-                    follow, choice = _choose_parallax(stack, depth, dictionary, noise, options, rng)
-                    effects.append(choice)
-                fitted = follow_surface(stack, depth) if follow else stack
-            if update == 0 and _light_is_uncertain(stack, options):
-                with stages.measure("noise and light"):
-                    stack, light_choice, light_offset = _refine_light(stack, fitted, depth, dictionary, noise, rng)
-                    fitted = replace(fitted, light_position=stack.light_position)
-            with stages.measure("normals and BRDF"):
-                fits = _solve(fitted, dictionary, noise, options, depth, fits.normals)
-        with stages.measure("depth"):
-            depth = integrate_normals(_as_map(fits.normals, stack), stack.pixel_pitch)
-            sigma = depth_sigma(fits.normal_sigma.reshape(depth.shape), stack.pixel_pitch, rng)
-    else:
-        reason = "forced by option" if options.independent else "the stack says that its pixels are independent"
-        effects.append(Choice("depth", "off", reason))
-    return Reconstruction(fits, depth, sigma, fitted, noise, light_offset, (light_choice, *effects))
+    run = _Run(stack, options, stages or Stages())
+    n_updates = ACCURACIES[options.accuracy] if run.surface else 0
+    if run.scene is None or n_updates == 0:
+        run.solve(None)
+    for update in range(n_updates):
+        run.update_geometry(first=update == 0)
+    return run.result()
+
+
+class _Run:
+    """A reconstruction under way: what is known so far, and the steps that add to it."""
+
+    def __init__(self, stack: Stack, options: Options, stages: Stages) -> None:
+        self.options, self.stages = options, stages
+        self.rng = np.random.default_rng(options.seed)
+        self.dictionary = dictionaries.by_name(options.dictionary)
+        self.surface = stack.pixels == "surface" and not options.independent
+        self.fits: PixelFits | None = None
+        self.follow = False
+        self.depth = np.full(stack.grid.points().shape[:2], np.nan)
+        stack, field_choice = choose_field(stack, options.field)
+        with stages.measure("noise and light"):
+            stack, self.light_choice, self.light_offset = choose_light(stack, self.dictionary, options.light, self.rng)
+            self.noise = estimate_noise(stack, self.dictionary, self.rng)
+        with stages.measure("palette"):
+            scene, palette_choice = choose_palette(
+                stack, self.dictionary, self.noise, options.palette, self.surface, self.rng
+            )
+            stack, self.scene, power_choice = choose_power(stack, scene, self.noise, options.power)
+            if self.scene is not None:
+                self.noise = self.scene.noise(stack, self.noise)
+        self.stack = self.fitted = stack
+        self.effects = [field_choice, palette_choice, power_choice]
+
+    def solve(self, depth: Array | None) -> None:
+        """Solve all pixels with the geometry as it is."""
+        with self.stages.measure("normals and BRDF"):
+            start, threads = None if self.fits is None else self.fits.normals, self.options.threads
+            if self.scene is not None:
+                fits = solve_scene(self.scene, self.fitted, self.noise, depth, start, threads=threads)
+                self.fits = with_curve_error(fits, self.scene, self.fitted, self.noise, depth)
+            else:
+                problem = PixelProblem(self.fitted, self.dictionary, depth=depth)
+                tolerance = self.options.tolerance
+                self.fits = problem.solve(self.noise, start=start, tolerance=tolerance, threads=threads)
+
+    def update_geometry(self, *, first: bool) -> None:
+        """Integrate the depth, let views, light and palette follow it, and solve again."""
+        with self.stages.measure("depth"):
+            self.depth = self._depth()
+        with self.stages.measure("parallax"):
+            if first:
+                self.follow, choice = choose_parallax(
+                    self.stack, self.depth, self.dictionary, self.noise, self.options.parallax, self.rng
+                )
+                self.effects.append(choice)
+            self.fitted = follow_surface(self.stack, self.depth) if self.follow else self.stack
+        if first and light_is_uncertain(self.stack, self.options.light):
+            with self.stages.measure("noise and light"):
+                self.stack, self.light_choice, self.light_offset = refine_light(
+                    self.stack, self.fitted, self.depth, self.dictionary, self.noise, self.rng
+                )
+                self.fitted = replace(self.fitted, light_position=self.stack.light_position)
+        if self.scene is not None:
+            with self.stages.measure("palette"):
+                self.scene = relearn(self.scene, self.fitted, self.noise, self.depth)
+                self.noise = self.scene.noise(self.fitted, self.noise, self.depth)
+        self.solve(self.depth)
+
+    def _depth(self) -> Array:
+        if self.fits is None:
+            # The palette's grid of pixels is fine enough for a first depth.
+            assert self.scene is not None
+            return self.scene.depth(self.stack)
+        sigma = self.fits.normal_sigma.reshape(self.depth.shape)
+        return integrate_normals(_as_map(self.fits.normals, self.stack), self.stack.pixel_pitch, sigma=sigma)
+
+    def result(self) -> Reconstruction:
+        """Return what came of it."""
+        assert self.fits is not None
+        sigma = np.full(self.depth.shape, np.nan)
+        if self.surface:
+            with self.stages.measure("depth"):
+                self.depth = self._depth()
+                normal_sigma = self.fits.normal_sigma.reshape(self.depth.shape)
+                sigma = depth_sigma(normal_sigma, self.stack.pixel_pitch, self.rng, weighted=True)
+        else:
+            forced = self.options.independent
+            reason = "forced by option" if forced else "the stack says that its pixels are independent"
+            self.effects.append(Choice("depth", "off", reason))
+        text = "the typical residual made one of its stated sigma"
+        self.effects.append(Choice("relative error", f"{self.noise.relative:.4f}", text))
+        materials = self._complete()
+        return Reconstruction(
+            fits=self.fits,
+            depth=self.depth,
+            depth_sigma=sigma,
+            stack=self.fitted,
+            noise=self.noise,
+            light_offset=self.light_offset,
+            palette=self.scene,
+            materials=materials,
+            choices=(self.light_choice, *self.effects),
+        )
+
+    def _complete(self) -> MaterialBrdfs | None:
+        """Give the palette's materials their values beyond the slice, for views from elsewhere."""
+        if self.scene is None:
+            return None
+        assert self.fits is not None
+        with self.stages.measure("palette"):
+            materials = self.scene.brdfs(self.fitted, self.noise, self.depth if self.surface else None)
+            self.fits = replace(self.fits, dictionary=materials.dictionary(self.fits.dictionary))
+        return materials
 
 
 def _as_map(values: Array, stack: Stack) -> Array:
     return values.reshape(stack.grid.height, stack.grid.width, -1)
-
-
-def _solve(
-    stack: Stack,
-    dictionary: Dictionary,
-    noise: Noise,
-    options: Options,
-    depth: Array | None,
-    start: Array | None,
-) -> PixelFits:
-    problem = PixelProblem(stack, dictionary, depth=depth)
-    return problem.solve(noise, start=start, tolerance=options.tolerance, threads=options.threads)
-
-
-def _choose_light(
-    stack: Stack, dictionary: Dictionary, options: Options, rng: np.random.Generator
-) -> tuple[Stack, Choice, LightOffset | None]:
-    """Place the light as the options say."""
-    if options.light == "collocated":
-        collocated = replace(stack, light_position=stack.camera_position)
-        return collocated, Choice("light", "collocated", "forced by option"), None
-    if options.light in {"auto", "given"}:
-        distance = np.linalg.norm(stack.light_position - stack.camera_position, axis=1)
-        text = f"{distance.mean():.2f} mm from the lens, as the stack says"
-        return stack, Choice("light", "collocated" if distance.max() < 1e-6 else "offset", text), None
-    if stack.camera_rotation is None:
-        stack = replace(stack, camera_rotation=looking_at_centre(stack.camera_position))
-    found = pooled_light_offset(stack)
-    if stack.n_views >= FEW_VIEWS:
-        noise = estimate_noise(_with_light(stack, found), dictionary, rng)
-        found = estimate_light_offset(stack, dictionary, noise, LightOffset(found.value, np.full(3, np.inf)), rng)
-    return _with_light(stack, found), _light_choice(found), found
-
-
-def _light_is_uncertain(stack: Stack, options: Options) -> bool:
-    known = stack.camera_rotation is not None and stack.light_offset is not None
-    return options.light == "auto" and known and stack.light_offset_sigma is not None
-
-
-def _refine_light(
-    stack: Stack, fitted: Stack, depth: Array, dictionary: Dictionary, noise: Noise, rng: np.random.Generator
-) -> tuple[Stack, Choice, LightOffset]:
-    """Find the light again, now that the relief no longer blurs the highlights."""
-    assert stack.light_offset is not None
-    assert stack.light_offset_sigma is not None
-    # What came before was found on the flat plane; its sigma does not know of the relief.
-    prior = LightOffset(stack.light_offset, np.maximum(stack.light_offset_sigma, 1.0))
-    found = estimate_light_offset(fitted, dictionary, noise, prior, rng, depth)
-    return _with_light(stack, found), _light_choice(found), found
-
-
-def _with_light(stack: Stack, found: LightOffset) -> Stack:
-    return replace(
-        stack,
-        light_position=light_position(stack, found.value),
-        light_offset=found.value,
-        light_offset_sigma=found.sigma,
-    )
-
-
-def _light_choice(found: LightOffset) -> Choice:
-    (x, y), (sigma_x, sigma_y) = found.value[:2], found.sigma[:2]
-    text = f"highlights put it at ({x:.2f}, {y:.2f}) ± ({sigma_x:.2f}, {sigma_y:.2f}) mm from the lens"
-    return Choice("light", "offset", text)
-
-
-def _choose_parallax(
-    stack: Stack,
-    depth: Array,
-    dictionary: Dictionary,
-    noise: Noise,
-    options: Options,
-    rng: np.random.Generator,
-) -> tuple[bool, Choice]:
-    """Tell from the residuals whether the views are registered to the plane or already to the surface.
-
-    A stack made on the plane fits better when resampled along the depth; one made on the surface fits
-    worse. Resampling itself smooths the noise and so lowers residuals, whichever its direction, hence the
-    comparison with resampling by the opposite depth.
-    """
-    if options.parallax != "auto":
-        return options.parallax == "on", Choice("parallax", options.parallax, "forced by option")
-    shift = np.linalg.norm(parallax_shift(stack, depth), axis=-1)
-    largest = float(np.percentile(shift, 99))
-    if largest < SMALLEST_PARALLAX_PX:
-        return False, Choice("parallax", "off", f"the depth moves the views by {largest:.2f} pixels at most")
-    pixels = sample_pixels(stack, 1500, rng)
-    moved = pixels[np.argsort(shift.max(axis=0).ravel()[pixels])[len(pixels) // 2 :]]
-    loss = {
-        name: _log_chi2(PixelProblem(candidate, dictionary, np.sort(moved), depth), noise)
-        for name, candidate in (
-            ("as is", stack),
-            ("along", follow_surface(stack, depth)),
-            ("against", follow_surface(stack, -depth)),
-        )
-    }
-    follow = loss["along"] < min(loss["as is"], loss["against"])
-    text = (
-        f"shift up to {largest:.1f} pixels; mean log chi-square {loss['as is']:.2f} as is, "
-        f"{loss['along']:.2f} along the depth, {loss['against']:.2f} against it"
-    )
-    return follow, Choice("parallax", "on" if follow else "off", text)
-
-
-def _log_chi2(problem: PixelProblem, noise: Noise) -> float:
-    chi2 = problem.solve(noise).reduced_chi2
-    return float(np.mean(np.log(np.maximum(chi2[np.isfinite(chi2)], 1e-9))))

@@ -81,6 +81,11 @@ def _headline(result: Result) -> list[tuple[str, str]]:
         )
         plane = f"{s['depth_rmse_without_plane_mm']:.4f} mm with the plane removed"
         rows.append(("Depth error against the truth", f"RMS {s['depth_rmse_mm']:.4f} mm; {plane}"))
+    if "depth_shape" in s:
+        shape = s["depth_shape"]
+        tilt = np.rad2deg(np.arctan(np.hypot(shape["tilt_x"], shape["tilt_y"])))
+        text = f"tilt {tilt:.3f} deg, bowl {shape['sag']:.4f} mm deep; a light placed or powered wrongly makes both"
+        rows.append(("Plane and bowl in the depth", text))
     sigma = s["normal_sigma_deg"]
     rows.append(("Stated normal sigma", f"median {sigma['median']:.3f}, 95 % below {sigma['p95']:.3f} deg"))
     if "coverage68" in s:

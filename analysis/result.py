@@ -13,10 +13,13 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis import pixel_solver
-from analysis.dictionary import MODELS, Atom, Dictionary
-from analysis.fitting import PixelFits
+from analysis import pixel_samples
+from analysis.atom_file import read_atoms, write_atoms
+from analysis.atoms import LAMBERT, LOBE, MATERIAL, AnyAtom, TabulatedAtom
+from analysis.dictionary import Dictionary
 from analysis.materials import group_materials
+from analysis.palette_brdf import MaterialBrdfs
+from analysis.pixel_fits import PixelFits
 from analysis.reconstruction import Reconstruction
 from analysis.rectification import Grid
 from analysis.reflectance import Cosines
@@ -26,15 +29,16 @@ from instrument.validation import InvalidInputError, Problem, raise_if_any
 Array = NDArray[np.float64]
 Scalar = TypeVar("Scalar", bound=np.generic)
 
-SCHEMA = "1.0"
+SCHEMA = "1.1"
+"""1.1 brought atoms that are tables."""
 
-MODEL_NAMES = ("unsolved", "lambert", "diffuse", "one lobe", "mixture")
+MODEL_NAMES = ("unsolved", "lambert", "diffuse", "one lobe", "mixture", "material", "mixture of materials")
 FLAG_NAMES = {
-    pixel_solver.TOO_FEW_VIEWS: "too few views",
-    pixel_solver.BLACK: "too dark to tell a normal",
-    pixel_solver.CLIPPED: "clipped in some view",
-    pixel_solver.NOT_CONVERGED: "not converged",
-    pixel_solver.POOR_FIT: "poor fit",
+    pixel_samples.TOO_FEW_VIEWS: "too few views",
+    pixel_samples.BLACK: "too dark to tell a normal",
+    pixel_samples.CLIPPED: "clipped in some view",
+    pixel_samples.NOT_CONVERGED: "not converged",
+    pixel_samples.POOR_FIT: "poor fit",
 }
 DIFFUSE_REFERENCE_DEG = 45.0
 """Half angle at which the curve stands for the diffuse albedo: beyond most lobes, short of the grazing atoms.
@@ -60,6 +64,8 @@ class Result:
     choices, stages : list of dict
     summary : dict
         Figures: noise level, scores, errors on views left out, calibration.
+    materials : MaterialBrdfs or None
+        The palette's materials over all angles, with their band, where a palette was used.
     """
 
     fits: PixelFits
@@ -70,6 +76,7 @@ class Result:
     choices: list[dict[str, str]]
     stages: list[dict[str, float | str]]
     summary: dict[str, Any]
+    materials: MaterialBrdfs | None = None
 
     def as_map(self, values: NDArray[Scalar]) -> NDArray[Scalar]:
         """Give per-pixel values the shape of the area."""
@@ -109,15 +116,24 @@ def diffuse_albedo(fits: PixelFits) -> Array:
 
 
 def model_used(fits: PixelFits) -> NDArray[np.uint8]:
-    """Return which model each pixel came to, an index into `MODEL_NAMES`, shape (P,)."""
-    kind = np.array([{"lambert": 1, "lobe": 3}.get(atom.model, 2) for atom in fits.dictionary.atoms])
+    """Return which model each pixel came to, an index into `MODEL_NAMES`, shape (P,).
+
+    Where a pixel uses materials, they name its model; atoms of another kind may stand beside them.
+    """
+    atoms = fits.dictionary.atoms
+    kind = np.array([{LAMBERT: 1, LOBE: 3, MATERIAL: 5}.get(atom.kind, 2) for atom in atoms])
     kinds = np.where(fits.atom >= 0, kind[np.maximum(fits.atom, 0)], 0)
+    numbers = {name: i for i, name in enumerate(dict.fromkeys(atom.name for atom in atoms))}
+    # The channels of a material are atoms of one name.
+    name = np.array([numbers[atom.name] for atom in atoms])[np.maximum(fits.atom, 0)]
     n_lobes = _count_distinct(np.where(kinds == 3, fits.atom, -1))
+    n_materials = _count_distinct(np.where(kinds == 5, name, -1))
     model = np.where(n_lobes > 1, 4, np.where(n_lobes == 1, 3, np.where((kinds == 2).any(axis=(1, 2)), 2, 1)))
+    model = np.where(n_materials > 1, 6, np.where(n_materials == 1, 5, model))
     return np.where(np.isfinite(fits.normals[:, 0]), model, 0).astype(np.uint8)
 
 
-def _count_distinct(atoms: NDArray[np.int16]) -> NDArray[np.int64]:
+def _count_distinct(atoms: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
     """Count the distinct non-negative values in each row."""
     ordered = np.sort(atoms.reshape(len(atoms), -1), axis=1)
     new = np.diff(ordered, axis=1, prepend=-1) != 0
@@ -137,6 +153,7 @@ def result_of(
         choices=[choice.as_dict() for choice in reconstruction.choices],
         stages=[{"name": s.name, "seconds": s.seconds, "peak_mb": s.peak_mb} for s in stages],
         summary=summary,
+        materials=reconstruction.materials,
     )
 
 
@@ -197,15 +214,31 @@ def _write_map(group: Any, name: str, values: Any, units: str, meaning: str) -> 
 
 
 def _write_brdf(group: Any, result: Result) -> None:
-    """Write f = sum_j coefficient_j atom_j; an atom is a model's name with two parameters (dictionary.MODELS)."""
+    """Write f = sum_j coefficient_j atom_j, and the atoms with it."""
     fits = result.fits
     group.attrs.update({"NX_class": "NXcollection", "dictionary": fits.dictionary.name, "units": "1/sr"})
     group.attrs["meaning"] = "BRDF of channel c = sum over j of coefficient[..., c, j] times atom[..., c, j]; -1 = none"
-    atoms = fits.dictionary.atoms
-    group.create_dataset("atom_model", data=[a.model for a in atoms], dtype=h5py.string_dtype())
-    group.create_dataset("atom_parameters", data=np.array([(a.a, a.b) for a in atoms]))
+    write_atoms(group, fits.dictionary.atoms)
     for name, values in (("atom", fits.atom), ("coefficient", fits.coefficient.astype(np.float32))):
         group.create_dataset(name, data=result.as_map(values), compression="lzf", shuffle=True)
+    if result.materials is not None:
+        _write_band(group.create_group("band"), result.materials)
+
+
+def _write_band(group: Any, materials: MaterialBrdfs) -> None:
+    group.attrs["meaning"] = "one sigma of log BRDF of material k, channel c: log_sigma[k, c] over theta_h, theta_d"
+    group.create_dataset("log_sigma", data=materials.log_sigma, compression="lzf", shuffle=True)
+    for name, values in (("theta_h", materials.theta_h), ("theta_d", materials.theta_d), ("seen", materials.seen)):
+        group.create_dataset(name, data=values).attrs["units"] = "rad"
+
+
+def _read_band(group: Any, atoms: tuple[AnyAtom, ...]) -> MaterialBrdfs:
+    log_sigma = group["log_sigma"][...]
+    tables = tuple(atom for atom in atoms if isinstance(atom, TabulatedAtom))[: int(np.prod(log_sigma.shape[:2]))]
+    theta_h, theta_d, seen = (group[name][...] for name in ("theta_h", "theta_d", "seen"))
+    if log_sigma.shape != (len(seen), len(tables) // max(len(seen), 1), len(theta_h), len(theta_d)):
+        raise ValueError("brdf/band/log_sigma does not match the materials and its angles")
+    return MaterialBrdfs(tables, log_sigma, theta_h, theta_d, seen)
 
 
 _NEEDED = (
@@ -239,7 +272,7 @@ def read_result(path: Path) -> Result:
             return _read(file)
     except (OSError, ValueError, KeyError, TypeError) as error:
         if isinstance(error, InvalidInputError):
-            raise
+            raise InvalidInputError(title, error.problems) from None
         reason = "no such file" if not path.exists() else f"not a result file, or damaged ({error})"
         raise InvalidInputError(title, [Problem(str(path), reason)]) from None
 
@@ -248,13 +281,7 @@ def _read(file: Any) -> Result:
     maps, brdf = file["/entry/result"], file["/entry/brdf"]
     height, width = maps["depth"].shape
     n_pixels = height * width
-    atoms = tuple(
-        Atom(model, float(a), float(b))
-        for model, (a, b) in zip(brdf["atom_model"].asstr()[...], brdf["atom_parameters"][...], strict=True)
-    )
-    unknown = sorted({atom.model for atom in atoms} - set(MODELS))
-    if unknown:
-        raise ValueError(f"atoms of models {unknown} are not known to this version; known are {sorted(MODELS)}")
+    atoms = read_atoms(brdf)
     atom = brdf["atom"][...].reshape(n_pixels, *brdf["atom"].shape[2:])
     if atom.max(initial=-1) >= len(atoms):
         raise ValueError("brdf/atom points beyond brdf/atom_model")
@@ -266,6 +293,7 @@ def _read(file: Any) -> Result:
         normals=flat("normals"),
         covariance=flat("normal_covariance"),
         reduced_chi2=flat("reduced_chi2"),
+        loss=np.full(n_pixels, np.nan),
         atom=atom,
         coefficient=brdf["coefficient"][...].astype(np.float64).reshape(atom.shape),
         flags=maps["flags"][...].ravel(),
@@ -280,5 +308,6 @@ def _read(file: Any) -> Result:
         depth=maps["depth"][...].astype(np.float64),
         depth_sigma=maps["depth_sigma"][...].astype(np.float64),
         truth_error=error,
+        materials=_read_band(brdf["band"], fits.dictionary.atoms) if "band" in brdf else None,
         **text,
     )

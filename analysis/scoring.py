@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.depth_shape import shape_terms
 from analysis.fitting import sample_pixels
 from analysis.left_out import glossy_pixels, leave_out
 from analysis.metrics import angular_error_deg, depth_rmse, depth_rmse_without_plane, error_summary
@@ -45,6 +47,10 @@ def score(reconstruction: Reconstruction, n_left_out: int = 6, n_pixels: int = 2
         "reduced_chi2": error_summary(fits.reduced_chi2),
         "relative_error": reconstruction.noise.relative,
     }
+    if np.isfinite(reconstruction.depth).sum() > 5:
+        summary["depth_shape"] = asdict(shape_terms(reconstruction.depth, stack.pixel_pitch))
+    if reconstruction.palette is not None:
+        summary["n_materials"] = reconstruction.palette.found.palette.n_materials
     if reconstruction.light_offset is not None:
         summary["light_offset_mm"] = reconstruction.light_offset.value.tolist()
         summary["light_offset_sigma_mm"] = reconstruction.light_offset.sigma.tolist()

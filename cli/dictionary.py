@@ -1,22 +1,29 @@
-"""`halfangle dictionary`: the BRDF dictionaries that are built in."""
+"""`halfangle dictionary`: the BRDF dictionaries that are built in, and those made from measured materials."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
-from cli.output import table
+from cli.output import check_new, stage_announcer, table
 
-NAMES = ("parametric", "sgd", "abc")
+FILE = click.Path(path_type=Path, dir_okay=False)
 
 
 @click.group()
 def dictionary() -> None:
-    """Look at the BRDF dictionaries that are built in."""
+    """Look at BRDF dictionaries and make them from measured materials."""
 
 
 @dictionary.command("list", epilog="Example: halfangle dictionary list")
-def list_dictionaries() -> None:
-    """List the dictionaries and the number of their atoms."""
+@click.argument("file", type=FILE, required=False)
+def list_dictionaries(file: Path | None) -> None:
+    """List the dictionaries that are built in, or the materials in a dictionary FILE."""
+    click.echo(_materials(file) if file else _built_in())
+
+
+def _built_in() -> str:
     from analysis.dictionary import by_name
 
     sources = {
@@ -24,15 +31,27 @@ def list_dictionaries() -> None:
         "sgd": "100 MERL materials as fitted by Bagher et al. 2012, three channels each",
         "abc": "100 MERL materials as fitted by Low et al. 2012, three channels each",
     }
-    click.echo("\n".join(f"{name:12}{len(by_name(name).atoms):4} atoms  {sources[name]}" for name in NAMES))
+    return "\n".join(f"{name:12}{len(by_name(name).atoms):4} atoms  {text}" for name, text in sources.items())
+
+
+def _materials(file: Path) -> str:
+    from analysis.dictionary_file import read_dictionary
+
+    tables = read_dictionary(file)
+    rows = [("material", "category", "cells measured", "sha256 of the file")]
+    for material in tables.materials:
+        share = f"{100 * tables.measured_share(material.name):.1f} %"
+        rows.append((material.name, material.category or "-", share, material.sha256))
+    return table(rows)
 
 
 @dictionary.command(epilog="Example: halfangle dictionary info parametric")
-@click.argument("name", type=click.Choice(NAMES))
+@click.argument("name")
 def info(name: str) -> None:
-    """Print the atoms of dictionary NAME: model, parameters, curve at five half angles."""
+    """Print the atoms of dictionary NAME, or of a file: model, parameters, curve at five half angles."""
     import numpy as np
 
+    from analysis.atoms import Atom
     from analysis.dictionary import by_name
     from analysis.reflectance import Cosines
 
@@ -41,5 +60,23 @@ def info(name: str) -> None:
     values = chosen.evaluate(Cosines.on_slice(np.deg2rad(np.array(degrees, float))))
     rows = [("model", "a", "b", *(f"f({d}°)" for d in degrees))]
     for index, atom in enumerate(chosen.atoms):
-        rows.append((atom.model, f"{atom.a:.4g}", f"{atom.b:.4g}", *(f"{v:.3g}" for v in values[:, index])))
+        head = (atom.model, f"{atom.a:.4g}", f"{atom.b:.4g}") if isinstance(atom, Atom) else (atom.label, "-", "-")
+        rows.append((*head, *(f"{v:.3g}" for v in values[:, index])))
     click.echo(table(rows))
+
+
+@dictionary.command(epilog="Example: halfangle dictionary build merl -o merl.dictionary.h5 --categories categories.csv")
+@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=FILE, required=True, help="Dictionary file to write.")
+@click.option("--categories", type=FILE, help="CSV with the columns name and category.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing while working.")
+def build(folder: Path, output: Path, categories: Path | None, quiet: bool) -> None:
+    """Build a dictionary from the MERL files (*.binary) in DIR."""
+    check_new(output)
+    from analysis.dictionary_build import build_dictionary
+    from analysis.dictionary_file import write_dictionary
+
+    tables = build_dictionary(folder, categories, stage_announcer(quiet))
+    write_dictionary(output, tables)
+    size = output.stat().st_size / 1e6
+    click.echo(f"{output}: {len(tables.materials)} materials, {len(tables.atoms)} atoms, {size:.2f} MB")

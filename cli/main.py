@@ -24,6 +24,7 @@ COMMANDS = {
     "render": ("cli.reconstruction:render", "Predict the picture from any camera and light."),
     "report": ("cli.reconstruction:report", "One HTML page of a result."),
     "dictionary": ("cli.dictionary:dictionary", "The BRDF dictionaries that are built in."),
+    "bench": ("cli.bench:bench", "Accuracy and speed on simulated scenes, against a reference."),
     "console": ("cli.console:console", "The operator's window."),
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,11 @@ if TYPE_CHECKING:
     from analysis.stages import Stages
 
 FILE = click.Path(path_type=Path, dir_okay=False)
+
+
+def _one_of(name: str, values: list[str], default: str, text: str) -> Callable[[Any], Any]:
+    """Return the option `name` that takes one of `values`."""
+    return click.option(name, type=click.Choice(values), default=default, show_default=True, help=text)
 
 
 @click.command(epilog="Example: halfangle calibrate session.h5 -o area.stack.h5")
@@ -61,33 +67,43 @@ def stack_from_session(session: Path, pitch: float | None, stages: Stages) -> tu
 @click.command(epilog="Example: halfangle reconstruct area.stack.h5 -o area.result.h5 --accuracy best")
 @click.argument("source", type=FILE)
 @click.option("-o", "--output", type=FILE, required=True, help="Result file to write.")
-@click.option(
+@_one_of(
     "--accuracy",
-    type=click.Choice(["draft", "normal", "best"]),
-    default="normal",
-    show_default=True,
-    help="How often the geometry is updated from the depth: 0, 2 or 4 times.",
+    ["draft", "normal", "best"],
+    "normal",
+    "How often the geometry is updated from the depth: 0, 2 or 4 times.",
 )
 @click.option(
     "--dictionary",
-    type=click.Choice(["parametric", "sgd", "abc"]),
     default="parametric",
     show_default=True,
-    help="BRDF atoms to fit with.",
+    metavar="NAME|FILE",
+    help="BRDF atoms to fit with: parametric, sgd, abc, or a file made by `halfangle dictionary build`.",
 )
-@click.option(
+@_one_of(
     "--light",
-    type=click.Choice(["auto", "given", "collocated", "estimate"]),
-    default="auto",
-    show_default=True,
-    help="Where the light is: as the file says (refined if uncertain), as it says, in the lens, from the highlights.",
+    ["auto", "given", "collocated", "estimate"],
+    "auto",
+    "Where the light is: as the file says (refined if uncertain), as it says, in the lens, from the highlights.",
 )
-@click.option(
-    "--parallax",
-    type=click.Choice(["auto", "on", "off"]),
-    default="auto",
-    show_default=True,
-    help="Whether the views are made to follow the depth.",
+@_one_of("--parallax", ["auto", "on", "off"], "auto", "Whether the views are made to follow the depth.")
+@_one_of(
+    "--palette",
+    ["auto", "on", "off"],
+    "auto",
+    "Whether pixels mix few materials that the scene shares, found from it, or stand on their own.",
+)
+@_one_of(
+    "--power",
+    ["auto", "given", "estimate"],
+    "auto",
+    "Whether each view's light power is corrected by what the whole scene says (needs a palette).",
+)
+@_one_of(
+    "--field",
+    ["auto", "near", "far"],
+    "auto",
+    "Whether each pixel has its own directions and fall-off, or that of the centre.",
 )
 @click.option("--independent", is_flag=True, help="Pixels have nothing to do with each other: no depth.")
 @click.option("--pitch", type=click.FloatRange(min=0.001), help="For a session: size of a pixel, mm.")
@@ -107,10 +123,13 @@ def reconstruct(
 ) -> None:
     """Reconstruct normals, depth and BRDF from a SOURCE: a session or a registered stack."""
     check_new(output, *([json_file] if json_file else []))
+    from analysis.dictionary import by_name
     from analysis.reconstruction import Options
     from analysis.result import write_result
     from analysis.stages import Stages
 
+    # Before a session is registered, which takes minutes.
+    by_name(choices["dictionary"])
     stages = Stages(stage_announcer(quiet))
     stack, calibration = read_source(source, pitch, stages)
     result = result_from_stack(stack, Options(**choices), stages, left_out, calibration, source)
@@ -163,6 +182,10 @@ def figures_table(summary: dict[str, Any]) -> str:
         text.append(f"depth RMSE {summary['depth_rmse_mm']:.4f} mm, {plane:.4f} mm with the plane removed")
         inside = f"{100 * summary['coverage68']:.0f} % and {100 * summary['coverage95']:.0f} %"
         text.append(f"stated 68 % and 95 % normal intervals hold {inside} of the true normals")
+    if "depth_shape" in summary:
+        shape = summary["depth_shape"]
+        tilt = f"({shape['tilt_x']:.5f}, {shape['tilt_y']:.5f}) mm/mm"
+        text.append(f"plane and bowl in the depth: tilt {tilt}, bowl {shape['sag']:.4f} mm deep")
     if summary["n_unsolved"]:
         text.append(f"{summary['n_unsolved']} of {summary['n_pixels']} pixels unsolved (see flags)")
     if summary["left_out"]:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("analysis", "cli", "drivers", "gui", "instrument", "protocols")
+PACKAGES = ("analysis", "benchmarks", "cli", "drivers", "gui", "instrument", "protocols")
 CITATION = re.compile(r"\[([a-z]+\d{4}[a-z]?)(?:,[^\]]*)?\]")
 
 PRINT_MODULES_AFTER_HELP = """

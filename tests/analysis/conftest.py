@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from analysis.dictionary import parametric
-from analysis.fitting import Noise, PixelFits, PixelProblem
+from analysis.fitting import Noise, PixelProblem
+from analysis.pixel_fits import PixelFits
 from analysis.reconstruction import Reconstruction, reconstruct
 from analysis.stack import Stack
 from tests.synthetic import make_stack

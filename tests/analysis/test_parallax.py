@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.parallax import follow_surface, parallax_shift
+from analysis.parallax import follow_pixels, follow_surface, parallax_shift
 from analysis.reconstruction import Options, reconstruct
 from analysis.stack import Stack
 from tests.synthetic import make_stack
@@ -39,9 +39,9 @@ def test_following_the_opposite_surface_makes_it_worse(on_plane: Stack, stack: S
 def test_a_point_above_the_plane_is_seen_away_from_the_camera():
     """The line of sight from 45 degrees on the right meets the plane to the left of the point, by its height."""
     shift = parallax_shift(from_above(np.zeros((1, 1)), (1e6, 0.0, 1e6)), np.ones((1, 1)))
-    np.testing.assert_allclose(shift[0, 0, 0], [-1.0, 0.0], atol=1e-5)
+    np.testing.assert_allclose(shift[0, 0], [-1.0, 0.0], atol=1e-5)
     shift = parallax_shift(from_above(np.zeros((1, 1)), (0.0, 1e6, 1e6)), np.ones((1, 1)))
-    np.testing.assert_allclose(shift[0, 0, 0], [0.0, 1.0], atol=1e-5)
+    np.testing.assert_allclose(shift[0, 0], [0.0, 1.0], atol=1e-5)
 
 
 def test_a_shift_by_whole_pixels_copies_samples_exactly():
@@ -74,7 +74,7 @@ def test_a_smooth_picture_is_interpolated_to_a_thousandth():
 def test_missing_are_the_samples_whose_line_of_sight_leaves_the_area(on_plane: Stack):
     depth = on_plane.truth.depth + 0.5
     followed = follow_surface(on_plane, depth)
-    shift = parallax_shift(on_plane, depth)
+    shift = parallax_shift(on_plane, depth).reshape(-1, 24, 24, 2)
     i, j = np.mgrid[:24, :24]
     x, y = j + shift[..., 0], i + shift[..., 1]
     outside = (x < -0.5) | (x > 23.5) | (y < -0.5) | (y > 23.5)
@@ -105,6 +105,13 @@ def test_a_missing_sample_makes_no_more_missing_than_it_must():
     flat, half = (follow_surface(stack, np.full((5, 9), z)).radiance[0, ..., 0] for z in (0.0, 0.5))
     assert np.flatnonzero(np.isnan(flat)).tolist() == [2 * 9 + 4]
     assert np.flatnonzero(np.isnan(half[2, :-1])).tolist() == [2, 3, 4, 5]
+
+
+def test_some_pixels_are_followed_as_all_of_them_are(on_plane: Stack):
+    depth, pixels = on_plane.truth.depth, np.array([3, 77, 401])
+    some, every = follow_pixels(on_plane, depth, pixels), follow_surface(on_plane, depth)
+    np.testing.assert_array_equal(some.radiance, every.radiance.reshape(on_plane.n_views, -1, 3)[:, pixels])
+    np.testing.assert_array_equal(some.variance, every.variance.reshape(on_plane.n_views, -1, 3)[:, pixels])
 
 
 def test_a_stack_without_variance_or_mask_has_none_afterwards(on_plane: Stack):

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from analysis.dictionary import parametric
-from analysis.fitting import Noise, PixelFits, PixelProblem, estimate_noise
+from analysis.fitting import Noise, PixelProblem, estimate_noise
 from analysis.metrics import angular_error_deg
-from analysis.pixel_solver import BLACK, CLIPPED, POOR_FIT, TOO_FEW_VIEWS
+from analysis.pixel_fits import PixelFits
+from analysis.pixel_samples import BLACK, CLIPPED, POOR_FIT, TOO_FEW_VIEWS
 from analysis.reflectance import Cosines
 from analysis.stack import Stack
 from tests.analysis.conftest import NOISE, solve

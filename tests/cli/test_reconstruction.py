@@ -77,6 +77,7 @@ def test_the_report_is_one_page_that_needs_nothing_beside_it(folder: Path) -> No
     assert "data:image/png;base64," in page
     assert "http" not in page.split("<style>")[1]
     assert "Views left out" in page
+    assert "Plane and bowl in the depth" in page
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,333 @@
+"""A pixel's model at one normal: coefficients by non-negative least squares, and how the normal moves it.
+
+With c_v = n.h_v and s_v = max(0, n.omega_i,v), the model of view v and channel ch is
+
+    m_v,ch = sum_k a_ch,k phi_k(c_v) s_v ,   a >= 0 ,
+
+where phi_k are dictionary atoms on the slice theta_d = 0 and radiances have been freed of light power
+and inverse-square fall-off. The Jacobian to the two tangent parameters of n is projected off the active
+atoms (variable projection [kaufman1975]), so that a step in n already accounts for the a that follow it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.kernel import fast_kernel, kernel
+from analysis.nnls import MAX_ATOMS, Work, cholesky, nnls, solve_factored, solve_lower
+from analysis.pixel_samples import NEAR_PLANAR, Pixel, Settings, robust_cost
+
+Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
+
+_PEAK = 3.0
+# Atoms narrower than the smallest half angle seen would grow without bound: the curve at theta_h = 0 is
+# held to this many times the brightest sample, one sigma. A peak that was seen hardly feels it.
+PRICED_STEP = 0.01
+"""Step of the normal, rad, up to which the atoms in use stay the ones to use."""
+
+_N_HATS = 18  # over t, denser towards the highlight
+_CURVE_SIGMA = 0.1
+
+
+class Fit(NamedTuple):
+    """Scratch of the fit of one pixel: K atoms in L layers of N + 1 rows, G groups of rows.
+
+    A layer is a table of the atoms: one that all channels read, or one for each where they share coefficients.
+    """
+
+    phi: NDArray[np.float32]  # [L, N + 1, K]; the last row is the peak at theta_h = 0
+    node: NDArray[np.int64]  # [N] of the tables, below t = sqrt(1 - n.h)
+    beyond: NDArray[np.float64]  # [N] fraction of a node
+    tangent_h: NDArray[np.float64]  # [2, N] d n.h / d tangent
+    tangent_i: NDArray[np.float64]  # [2, N] d n.omega_i / d tangent, 0 where the surface faces away
+    target: NDArray[np.float64]  # [G, R] y of each group's R rows, 0 for the peak
+    pull: NDArray[np.float64]  # [G, R] their weights, the prior's for the peak
+    J: NDArray[np.float64]  # [2, R]
+    n_active: NDArray[np.int64]  # [G]
+    active: NDArray[np.int64]  # [G, MAX_ATOMS]
+    a: NDArray[np.float64]  # [G, MAX_ATOMS]
+    columns: NDArray[np.float64]  # [G, MAX_ATOMS, R]; this and the next two are `nnls.Work` of each group
+    L: NDArray[np.float64]  # [G, MAX_ATOMS, MAX_ATOMS]
+    r: NDArray[np.float64]  # [G, R]
+
+
+@kernel
+def allocate_fit(n_views: int, n_groups: int, table: Array32) -> Fit:
+    """Allocate the scratch of one pixel's fit to the atoms of `table`."""
+    n_layers, _, n_atoms = table.shape
+    n_rows = n_layers * (n_views + 1)
+    fit = Fit(
+        np.zeros((n_layers, n_views + 1, n_atoms), np.float32),
+        np.zeros(n_views, np.int64),
+        np.zeros(n_views),
+        np.zeros((2, n_views)),
+        np.zeros((2, n_views)),
+        np.zeros((n_groups, n_rows)),
+        np.zeros((n_groups, n_rows)),
+        np.zeros((2, n_rows)),
+        np.zeros(n_groups, np.int64),
+        np.zeros((n_groups, MAX_ATOMS), np.int64),
+        np.zeros((n_groups, MAX_ATOMS)),
+        np.zeros((n_groups, MAX_ATOMS, n_rows)),
+        np.zeros((n_groups, MAX_ATOMS, MAX_ATOMS)),
+        np.zeros((n_groups, n_rows)),
+    )
+    for layer in range(n_layers):
+        for k in range(n_atoms):
+            fit.phi[layer, n_views, k] = table[layer, 0, k]
+    return fit
+
+
+@kernel
+def _turn(n: Array, px: Pixel, fit: Fit, n_nodes: int) -> None:
+    """Cosines at the normal `n`, and where in the tables they lie."""
+    for v in range(px.half.shape[0]):
+        c = n[0] * px.half[v, 0] + n[1] * px.half[v, 1] + n[2] * px.half[v, 2]
+        s = n[0] * px.light[v, 0] + n[1] * px.light[v, 1] + n[2] * px.light[v, 2]
+        c = min(max(c, 0.0), 1.0)
+        px.cosine_h[v] = c
+        px.cosine_i[v] = max(s, 0.0)
+        x = math.sqrt(1.0 - c) * (n_nodes - 1)
+        fit.node[v] = min(int(x), n_nodes - 2)
+        fit.beyond[v] = x - fit.node[v]
+
+
+@fast_kernel
+def _fill_atoms(px: Pixel, fit: Fit, table: Array32) -> None:
+    """phi[l, v, k] = phi_lk(c_v) s_v of every atom; zero where the surface faces away."""
+    n_layers, n_rows, n_atoms = fit.phi.shape
+    for v in range(n_rows - 1):
+        i = fit.node[v]
+        low = np.float32(px.cosine_i[v] * (1.0 - fit.beyond[v]))
+        high = np.float32(px.cosine_i[v] * fit.beyond[v])
+        for layer in range(n_layers):
+            for k in range(n_atoms):
+                fit.phi[layer, v, k] = low * table[layer, i, k] + high * table[layer, i + 1, k]
+
+
+@fast_kernel
+def _fill_active_atoms(px: Pixel, fit: Fit, table: Array32, group: int) -> None:
+    """Fill the columns of `phi` that one group uses."""
+    n_layers, n_rows, _ = fit.phi.shape
+    for j in range(fit.n_active[group]):
+        k = fit.active[group, j]
+        for layer in range(n_layers):
+            for v in range(n_rows - 1):
+                i = fit.node[v]
+                low = np.float32(px.cosine_i[v] * (1.0 - fit.beyond[v]))
+                high = np.float32(px.cosine_i[v] * fit.beyond[v])
+                fit.phi[layer, v, k] = low * table[layer, i, k] + high * table[layer, i + 1, k]
+
+
+@kernel
+def _load_target(px: Pixel, fit: Fit, settings: Settings, group: int, ch: int, row: int) -> int:
+    """Put a channel's values and weights into a group's rows from `row` on; returns how many count."""
+    n_views = px.y.shape[1]
+    target, pull = fit.target[group], fit.pull[group]
+    brightest, n_values = 0.0, 0
+    for v in range(n_views):
+        target[row + v] = px.y[ch, v]
+        # A bound that the last model kept says nothing; one that it missed pulls like a value.
+        kept = px.clipped[ch, v] and px.model[ch, v] > px.y[ch, v]
+        pull[row + v] = 0.0 if kept else px.weight[ch, v]
+        if pull[row + v] > 0.0:
+            brightest = max(brightest, px.y[ch, v])
+            n_values += 1
+    # A material's curve was found from many pixels; its peak is not this one's to hold down.
+    free = settings.shared or brightest <= 0.0
+    target[row + n_views] = 0.0
+    pull[row + n_views] = 0.0 if free else 1.0 / (_PEAK * brightest) ** 2
+    return n_values
+
+
+@kernel
+def _fit_group(px: Pixel, fit: Fit, settings: Settings, work: Work, group: int, grow: bool) -> None:
+    """Fit the coefficients of one group of rows to the atoms in `fit.phi`, from the last ones; new atoms if `grow`.
+
+    A group is a channel, or all channels where they share the coefficients.
+    """
+    n_layers, n_rows, n_atoms = fit.phi.shape
+    n_values = 0
+    for layer in range(n_layers):
+        n_values += _load_target(px, fit, settings, group, layer if settings.shared else group, layer * n_rows)
+    # With few views a curve of many atoms would pass through every sample, whatever the normal.
+    most = min(max((n_values - 2) // 2, 1), settings.most) if grow else fit.n_active[group]
+    own = Work(fit.columns[group], work.G, work.b, fit.L[group], work.x, fit.r[group], work.g, work.d)
+    fit.n_active[group] = nnls(
+        fit.phi.reshape(n_layers * n_rows, n_atoms),
+        fit.pull[group],
+        fit.target[group],
+        settings.tolerance,
+        most,
+        min(fit.n_active[group], most),
+        fit.active[group],
+        fit.a[group],
+        own,
+    )
+    for layer in range(n_layers):
+        ch = layer if settings.shared else group
+        for v in range(n_rows - 1):
+            px.model[ch, v] = px.y[ch, v] - fit.r[group, layer * n_rows + v]
+
+
+@kernel
+def evaluate(
+    px: Pixel, fit: Fit, settings: Settings, table: Array32, work: Work, normal: Array, kappa: float, moved: float
+) -> float:
+    """Cost at `normal`, coefficients refitted: to the atoms in use, or to all if the normal `moved` far (rad)."""
+    grow = moved > PRICED_STEP
+    _turn(normal, px, fit, table.shape[1])
+    if grow:
+        _fill_atoms(px, fit, table)
+    for group in range(fit.a.shape[0]):
+        if not grow:
+            _fill_active_atoms(px, fit, table, group)
+        _fit_group(px, fit, settings, work, group, grow)
+    return robust_cost(px, settings, normal, kappa)
+
+
+@kernel
+def normal_equations(
+    px: Pixel,
+    fit: Fit,
+    settings: Settings,
+    derivative: Array32,
+    t1: Array,
+    t2: Array,
+    H: Array,
+    gradient: Array,
+) -> None:
+    """Write H = J^T W J and gradient J^T W r of the tangent parameters at the normal of the last evaluation."""
+    H[:] = 0.0
+    for e in range(2):
+        t = t1 if e == 0 else t2
+        H[e, e] = 1.0 / NEAR_PLANAR**2
+        gradient[e] = t[2] / NEAR_PLANAR**2
+        for v in range(px.half.shape[0]):
+            h, w = px.half[v], px.light[v]
+            lit = 1.0 if px.cosine_i[v] > 0.0 else 0.0
+            fit.tangent_h[e, v] = t[0] * h[0] + t[1] * h[1] + t[2] * h[2]
+            fit.tangent_i[e, v] = lit * (t[0] * w[0] + t[1] * w[1] + t[2] * w[2])
+    for group in range(fit.a.shape[0]):
+        _fill_jacobian(px, fit, settings, derivative, group)
+        _project(fit, group, H, gradient)
+
+
+@fast_kernel
+def _fill_jacobian(px: Pixel, fit: Fit, settings: Settings, derivative: Array32, group: int) -> None:
+    """J[e, row] = d m / d tangent e with the coefficients held: sum_k a_k (phi_k' s dc + phi_k ds)."""
+    n_layers, n_rows, _ = fit.phi.shape
+    for layer in range(n_layers):
+        ch = layer if settings.shared else group
+        for v in range(n_rows - 1):
+            i, f = fit.node[v], fit.beyond[v]
+            slope = 0.0
+            for j in range(fit.n_active[group]):
+                k = fit.active[group, j]
+                slope += fit.a[group, j] * ((1.0 - f) * derivative[layer, i, k] + f * derivative[layer, i + 1, k])
+            s = px.cosine_i[v]
+            slope *= s
+            value = px.model[ch, v] / s if s > 0.0 else 0.0
+            for e in range(2):
+                fit.J[e, layer * n_rows + v] = slope * fit.tangent_h[e, v] + value * fit.tangent_i[e, v]
+
+
+@fast_kernel
+def _project(fit: Fit, group: int, H: Array, gradient: Array) -> None:
+    """Add the group's J^T W J - B^T (A^T W A)^-1 B and J^T W r; A the active columns, B = A^T W J [kaufman1975]."""
+    m, w, r, J, columns = fit.n_active[group], fit.pull[group], fit.r[group], fit.J, fit.columns[group]
+    n_rows = w.shape[0]
+    B, X = np.empty((2, MAX_ATOMS)), np.empty((2, MAX_ATOMS))
+    for e in range(2):
+        for j in range(m):
+            total = 0.0
+            for row in range(n_rows):
+                total += w[row] * columns[j, row] * J[e, row]
+            B[e, j] = total
+        solve_factored(fit.L[group], B[e], m, X[e])
+        total = 0.0
+        for row in range(n_rows):
+            total += w[row] * J[e, row] * r[row]
+        gradient[e] += total
+    for e in range(2):
+        for d in range(e + 1):
+            total = 0.0
+            for row in range(n_rows):
+                total += w[row] * J[e, row] * J[d, row]
+            for j in range(m):
+                total -= B[e, j] * X[d, j]
+            H[e, d] += total
+            if d != e:
+                H[d, e] += total
+
+
+@kernel
+def marginal_information(px: Pixel, fit: Fit, settings: Settings, derivative: Array32, H: Array) -> None:
+    """Write the information of the tangent parameters with the curve itself uncertain, after `normal_equations`.
+
+    The atoms in use were chosen from the samples; that others might have been is not in their projection.
+    It is made good by hats over t times the model, each with a prior of `_CURVE_SIGMA`: with the columns
+    A of atoms and hats and their prior's precision Q, H = J'WJ - J'WA (A'WA + Q)^-1 A'WJ.
+    """
+    n_rows = fit.J.shape[1]
+    n_views = n_rows - 1
+    n = MAX_ATOMS + _N_HATS
+    A, G, L = np.zeros((n, n_rows)), np.zeros((n, n)), np.zeros((n, n))
+    X = np.zeros((2, n))
+    H[:] = 0.0
+    for e in range(2):
+        H[e, e] = 1.0 / NEAR_PLANAR**2
+    for group in range(fit.a.shape[0]):
+        _fill_jacobian(px, fit, settings, derivative, group)
+        m, w, J = fit.n_active[group], fit.pull[group], fit.J
+        A[:] = 0.0
+        for j in range(m):
+            for row in range(n_rows):
+                A[j, row] = fit.columns[group, j, row]
+        for v in range(n_views):
+            t = (fit.node[v] + fit.beyond[v]) / (derivative.shape[1] - 1)
+            u = t ** (2.0 / 3.0) * (_N_HATS - 1)
+            i = min(int(u), _N_HATS - 2)
+            A[m + i, v] = (1.0 - (u - i)) * px.model[group, v]
+            A[m + i + 1, v] = (u - i) * px.model[group, v]
+        n_columns = m + _N_HATS
+        _gram(A, w, n_columns, G)
+        for i in range(_N_HATS):
+            G[m + i, m + i] += 1.0 / _CURVE_SIGMA**2
+        if not cholesky(G, n_columns, L):
+            continue
+        for e in range(2):
+            _products(A, w, J[e], n_columns, X[e])
+            solve_lower(L, X[e], n_columns)
+        for e in range(2):
+            for d in range(2):
+                total = 0.0
+                for row in range(n_rows):
+                    total += w[row] * J[e, row] * J[d, row]
+                for k in range(n_columns):
+                    total -= X[e, k] * X[d, k]
+                H[e, d] += total
+
+
+@fast_kernel
+def _gram(A: Array, w: Array, n: int, G: Array) -> None:
+    for i in range(n):
+        for j in range(i + 1):
+            total = 0.0
+            for row in range(w.shape[0]):
+                total += w[row] * A[i, row] * A[j, row]
+            G[i, j] = total
+
+
+@fast_kernel
+def _products(A: Array, w: Array, y: Array, n: int, x: Array) -> None:
+    for i in range(n):
+        total = 0.0
+        for row in range(w.shape[0]):
+            total += w[row] * A[i, row] * y[row]
+        x[i] = total
