@@ -30,6 +30,8 @@ class Work(NamedTuple):
     r: NDArray[np.float64]  # [N] the residual
     g: NDArray[np.float32]  # [K]
     d: NDArray[np.float32]  # [K]
+    cross: NDArray[np.float64]  # [MAX_ATOMS, K]
+    rest: NDArray[np.float64]  # [K]
 
 
 MAX_ATOMS = 6
@@ -142,17 +144,32 @@ def _solve_active(m: int, active: Indices, a: Array, columns: Array, G: Array, b
 
 
 @fast_kernel
-def _correlations(phi: Array32, w: Array, r: Array, g: Array32, d: Array32) -> None:
-    """g_k = sum_v w r phi_k and d_k = sum_v w phi_k^2 for all atoms."""
+def _correlations(phi: Array32, w: Array, r: Array, g: Array32) -> None:
+    """g_k = sum_v w r phi_k for all atoms."""
     n_views, n_atoms = phi.shape
     g[:] = 0.0
+    # Four rows at a time, since loading and storing the sums takes longer than adding to them.
+    whole = n_views - n_views % 4
+    for v in range(0, whole, 4):
+        c0, c1 = np.float32(w[v] * r[v]), np.float32(w[v + 1] * r[v + 1])
+        c2, c3 = np.float32(w[v + 2] * r[v + 2]), np.float32(w[v + 3] * r[v + 3])
+        for k in range(n_atoms):
+            g[k] += c0 * phi[v, k] + c1 * phi[v + 1, k] + c2 * phi[v + 2, k] + c3 * phi[v + 3, k]
+    for v in range(whole, n_views):
+        c = np.float32(w[v] * r[v])
+        for k in range(n_atoms):
+            g[k] += c * phi[v, k]
+
+
+@fast_kernel
+def _squared_norms(phi: Array32, w: Array, d: Array32) -> None:
+    """d_k = sum_v w phi_k^2 for all atoms."""
+    n_views, n_atoms = phi.shape
     d[:] = 0.0
     for v in range(n_views):
         wv = np.float32(w[v])
-        wr = np.float32(w[v] * r[v])
         for k in range(n_atoms):
             p = phi[v, k]
-            g[k] += wr * p
             d[k] += wv * p * p
 
 
@@ -183,8 +200,10 @@ def nnls(
     int
         The number of active atoms.
     """
-    columns, G, b, L, x, r, g, d = work
+    columns, G, b, L, x, r, g, d, _, _ = work
     n_atoms = phi.shape[1]
+    if m < most:
+        _squared_norms(phi, w, d)
     for slot in range(m):
         _gather(phi, w, y, active[slot], slot, active, columns, G, b)
     m = _solve_active(m, active, a, columns, G, b, L, x)
@@ -192,7 +211,7 @@ def nnls(
         _residual(columns, a, m, y, r)
         if m >= most:
             break
-        _correlations(phi, w, r, g, d)
+        _correlations(phi, w, r, g)
         best, gain = -1, tolerance
         for k in range(n_atoms):
             if g[k] > 0.0 and d[k] > 1e-30 and g[k] * g[k] > gain * d[k]:
@@ -202,7 +221,7 @@ def nnls(
                 if not used:
                     best, gain = k, g[k] * g[k] / d[k]
         if best < 0:
-            best = _best_beside_active(phi, w, g, d, tolerance, m, active, columns, L, x)
+            best = _best_beside_active(phi, w, tolerance, m, active, work)
         if best < 0:
             break
         a[m] = 0.0
@@ -220,47 +239,49 @@ def nnls(
     return m
 
 
-@fast_kernel
-def _best_beside_active(
-    phi: Array32,
-    w: Array,
-    g: Array32,
-    d: Array32,
-    tolerance: float,
-    m: int,
-    active: Indices,
-    columns: Array,
-    L: Array,
-    x: Array,
-) -> int:
+@kernel
+def _best_beside_active(phi: Array32, w: Array, tolerance: float, m: int, active: Indices, work: Work) -> int:
     """Return the atom that gains most once the active ones have made room for it, or -1.
 
     g^2 / d is the gain with the others held fixed, which between near-parallel atoms is next to nothing.
     With them free it is g^2 over the Schur complement d - |L^-1 b|^2, b the products with the active atoms.
     """
-    n_views, n_atoms = phi.shape
+    g, d, rest = work.g, work.d, work.rest
+    _schur_complements(phi, w, m, work)
     best, gain = -1, tolerance
-    for k in range(n_atoms):
-        # Few atoms point the right way at all; the bound spares the others the products.
-        if not (g[k] > 0.0 and d[k] > 1e-30 and g[k] * g[k] > 3e-2 * tolerance * d[k]):
-            continue
-        used = False
-        for j in range(m):
-            used = used or active[j] == k
-        if used:
-            continue
-        rest = float(d[k])
-        for j in range(m):
-            total = 0.0
-            for v in range(n_views):
-                total += w[v] * columns[j, v] * phi[v, k]
-            for i in range(j):
-                total -= L[j, i] * x[i]
-            x[j] = total / L[j, j]
-            rest -= x[j] * x[j]
-        if rest > 1e-5 * d[k] and g[k] * g[k] > gain * rest:
-            best, gain = k, g[k] * g[k] / rest
+    for k in range(phi.shape[1]):
+        # An atom that gains nothing by itself, or that the active ones make to rounding, would enter on rounding.
+        worth = g[k] > 0.0 and d[k] > 1e-30 and g[k] * g[k] > 3e-2 * tolerance * d[k] and rest[k] > 1e-5 * d[k]
+        if worth and g[k] * g[k] > gain * rest[k]:
+            used = False
+            for j in range(m):
+                used = used or active[j] == k
+            if not used:
+                best, gain = k, g[k] * g[k] / rest[k]
     return best
+
+
+@fast_kernel
+def _schur_complements(phi: Array32, w: Array, m: int, work: Work) -> None:
+    """rest_k = d_k - |L^-1 b_k|^2 with b_jk = sum_v w column_j phi_k, for all atoms side by side."""
+    n_views, n_atoms = phi.shape
+    columns, L, cross, rest = work.columns, work.L, work.cross, work.rest
+    for k in range(n_atoms):
+        rest[k] = work.d[k]
+    for j in range(m):
+        for k in range(n_atoms):
+            cross[j, k] = 0.0
+        for v in range(n_views):
+            c = w[v] * columns[j, v]
+            for k in range(n_atoms):
+                cross[j, k] += c * phi[v, k]
+        for i in range(j):
+            for k in range(n_atoms):
+                cross[j, k] -= L[j, i] * cross[i, k]
+        pivot = 1.0 / L[j, j]
+        for k in range(n_atoms):
+            cross[j, k] *= pivot
+            rest[k] -= cross[j, k] * cross[j, k]
 
 
 @fast_kernel
@@ -284,4 +305,6 @@ def nnls_work(n_views: int, n_atoms: int) -> Work:
         np.zeros(n_views),
         np.zeros(n_atoms, np.float32),
         np.zeros(n_atoms, np.float32),
+        np.zeros((MAX_ATOMS, n_atoms)),
+        np.zeros(n_atoms),
     )

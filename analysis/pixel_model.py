@@ -18,20 +18,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.kernel import fast_kernel, kernel
-from analysis.nnls import MAX_ATOMS, Work, cholesky, nnls, solve_factored, solve_lower
+from analysis.nnls import MAX_ATOMS, Work, cholesky, nnls, solve_factored
 from analysis.pixel_samples import NEAR_PLANAR, Pixel, Settings, robust_cost
 
 Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
 
-_PEAK = 3.0
 # Atoms narrower than the smallest half angle seen would grow without bound: the curve at theta_h = 0 is
 # held to this many times the brightest sample, one sigma. A peak that was seen hardly feels it.
+_PEAK = 3.0
+
 PRICED_STEP = 0.01
 """Step of the normal, rad, up to which the atoms in use stay the ones to use."""
 
-_N_HATS = 18  # over t, denser towards the highlight
-_CURVE_SIGMA = 0.1
+# How freely the curve may have been another one than the atoms in use make: so many hats over t, denser towards the
+# highlight, each within so much of the model for every atom in use. A curve that one atom makes is known better than
+# one that takes six. Chosen by the coverage over views and noise (decision 4).
+_N_HATS = 20
+_CURVE_SIGMA = 0.02
 
 
 class Fit(NamedTuple):
@@ -157,7 +161,9 @@ def _fit_group(px: Pixel, fit: Fit, settings: Settings, work: Work, group: int, 
         n_values += _load_target(px, fit, settings, group, layer if settings.shared else group, layer * n_rows)
     # With few views a curve of many atoms would pass through every sample, whatever the normal.
     most = min(max((n_values - 2) // 2, 1), settings.most) if grow else fit.n_active[group]
-    own = Work(fit.columns[group], work.G, work.b, fit.L[group], work.x, fit.r[group], work.g, work.d)
+    own = Work(
+        fit.columns[group], work.G, work.b, fit.L[group], work.x, fit.r[group], work.g, work.d, work.cross, work.rest
+    )
     fit.n_active[group] = nnls(
         fit.phi.reshape(n_layers * n_rows, n_atoms),
         fit.pull[group],
@@ -271,63 +277,69 @@ def marginal_information(px: Pixel, fit: Fit, settings: Settings, derivative: Ar
     """Write the information of the tangent parameters with the curve itself uncertain, after `normal_equations`.
 
     The atoms in use were chosen from the samples; that others might have been is not in their projection.
-    It is made good by hats over t times the model, each with a prior of `_CURVE_SIGMA`: with the columns
-    A of atoms and hats and their prior's precision Q, H = J'WJ - J'WA (A'WA + Q)^-1 A'WJ.
+    It is made good by hats over t times the model, each with a prior of `_CURVE_SIGMA` for every atom in use:
+    all but the tangent parameters are eliminated from the joint normal equations. A row touches two hats, so
+    their own block is tridiagonal and goes first.
     """
-    n_rows = fit.J.shape[1]
-    n_views = n_rows - 1
-    n = MAX_ATOMS + _N_HATS
-    A, G, L = np.zeros((n, n_rows)), np.zeros((n, n)), np.zeros((n, n))
-    X = np.zeros((2, n))
+    n = MAX_ATOMS + 2
+    T, U, M, L = np.zeros((2, _N_HATS)), np.zeros((n, _N_HATS)), np.zeros((n, n)), np.zeros((n, n))
     H[:] = 0.0
     for e in range(2):
         H[e, e] = 1.0 / NEAR_PLANAR**2
     for group in range(fit.a.shape[0]):
+        m = fit.n_active[group]
         _fill_jacobian(px, fit, settings, derivative, group)
-        m, w, J = fit.n_active[group], fit.pull[group], fit.J
-        A[:] = 0.0
-        for j in range(m):
-            for row in range(n_rows):
-                A[j, row] = fit.columns[group, j, row]
-        for v in range(n_views):
-            t = (fit.node[v] + fit.beyond[v]) / (derivative.shape[1] - 1)
-            u = t ** (2.0 / 3.0) * (_N_HATS - 1)
-            i = min(int(u), _N_HATS - 2)
-            A[m + i, v] = (1.0 - (u - i)) * px.model[group, v]
-            A[m + i + 1, v] = (u - i) * px.model[group, v]
-        n_columns = m + _N_HATS
-        _gram(A, w, n_columns, G)
+        _joint_equations(px, fit, group, derivative.shape[1], T, U, M)
         for i in range(_N_HATS):
-            G[m + i, m + i] += 1.0 / _CURVE_SIGMA**2
-        if not cholesky(G, n_columns, L):
+            T[0, i] += 1.0 / (_CURVE_SIGMA * max(m, 1)) ** 2
+        _eliminate_hats(T, U, M, m + 2)
+        if not cholesky(M, m + 2, L):
             continue
-        for e in range(2):
-            _products(A, w, J[e], n_columns, X[e])
-            solve_lower(L, X[e], n_columns)
+        # What is left of the tangents' block once the atoms are eliminated is the product of its own factor.
         for e in range(2):
             for d in range(2):
-                total = 0.0
-                for row in range(n_rows):
-                    total += w[row] * J[e, row] * J[d, row]
-                for k in range(n_columns):
-                    total -= X[e, k] * X[d, k]
-                H[e, d] += total
+                for k in range(m, m + 2):
+                    H[e, d] += L[m + e, k] * L[m + d, k]
 
 
 @fast_kernel
-def _gram(A: Array, w: Array, n: int, G: Array) -> None:
-    for i in range(n):
-        for j in range(i + 1):
+def _joint_equations(px: Pixel, fit: Fit, group: int, n_nodes: int, T: Array, U: Array, M: Array) -> None:
+    """Normal equations of a group's hats, T (diagonal, next to it), of its atoms and tangents, M, and across, U."""
+    m, w, J, columns = fit.n_active[group], fit.pull[group], fit.J, fit.columns[group]
+    T[:] = 0.0
+    U[:] = 0.0
+    for a in range(m + 2):
+        A = columns[a] if a < m else J[a - m]
+        for b in range(a + 1):
+            B = columns[b] if b < m else J[b - m]
             total = 0.0
             for row in range(w.shape[0]):
-                total += w[row] * A[i, row] * A[j, row]
-            G[i, j] = total
+                total += w[row] * A[row] * B[row]
+            M[a, b] = total
+    for v in range(w.shape[0] - 1):
+        t = (fit.node[v] + fit.beyond[v]) / (n_nodes - 1)
+        u = t ** (2.0 / 3.0) * (_N_HATS - 1)
+        i = min(int(u), _N_HATS - 2)
+        high = (u - i) * px.model[group, v]
+        low = px.model[group, v] - high
+        T[0, i] += w[v] * low * low
+        T[1, i] += w[v] * low * high
+        T[0, i + 1] += w[v] * high * high
+        for a in range(m + 2):
+            A = columns[a, v] if a < m else J[a - m, v]
+            U[a, i] += w[v] * low * A
+            U[a, i + 1] += w[v] * high * A
 
 
-@fast_kernel
-def _products(A: Array, w: Array, y: Array, n: int, x: Array) -> None:
-    for i in range(n):
-        total = 0.0
-        for row in range(w.shape[0]):
-            total += w[row] * A[i, row] * y[row]
-        x[i] = total
+@kernel
+def _eliminate_hats(T: Array, U: Array, M: Array, n: int) -> None:
+    """Take U T^-1 U' off the lower triangle of the leading n by n block of M; T and U are used up."""
+    for i in range(_N_HATS):
+        if i > 0:
+            below = T[1, i - 1] / T[0, i - 1]
+            T[0, i] -= below * T[1, i - 1]
+            for a in range(n):
+                U[a, i] -= below * U[a, i - 1]
+        for a in range(n):
+            for b in range(a + 1):
+                M[a, b] -= U[a, i] * U[b, i] / T[0, i]

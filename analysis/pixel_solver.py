@@ -52,6 +52,10 @@ _LONGEST_STEP = 0.25  # rad; beyond it the slope of a curve means nothing
 _CONVERGED_STEP = 1e-5  # rad, about 0.0006 deg
 _POOR_FIT = 25.0  # chi-square per degree of freedom: residuals of five times the stated noise
 
+# A misfit that is seen stands for one that is not: a wrong curve's slope turns the normal more than it shows in the
+# residuals. Chosen by the coverage over views and noise (decision 4).
+_MISFIT_SEEN = 1.05
+
 
 class Solution(NamedTuple):
     """What was found, filled in place."""
@@ -201,9 +205,9 @@ def _refine(
     """Levenberg-Marquardt on the tangent parameters, its curvature left in `H`; True if it converged."""
     t1, t2, gradient, trial = np.empty(3), np.empty(3), np.empty(2), np.empty(3)
     saved_n, saved_active, saved_a = np.zeros_like(fit.n_active), np.zeros_like(fit.active), np.zeros_like(fit.a)
-    cost = evaluate(px, fit, settings, table, work, normal, kappa, np.inf)
+    cost = evaluate(px, fit, settings, table, work, normal, kappa, 0.0)
     damping = 1e-3
-    converged, priced = False, True
+    converged, priced = False, False
     for _ in range(n_steps):
         tangents(normal, t1, t2)
         normal_equations(px, fit, settings, derivative, t1, t2, H, gradient)
@@ -301,7 +305,7 @@ def _write(p: int, flags: int, px: Pixel, fit: Fit, settings: Settings, normal: 
         # No direction of the tangent plane changes the fit: the normal is a guess, and says so.
         _write_unsolved(p, flags | BLACK, out)
         return
-    widening = max(1.0, total / dof) / determinant
+    widening = max(1.0, _MISFIT_SEEN * total / dof) ** 3 / determinant
     out.covariance[p, 0] = H[1, 1] * widening
     out.covariance[p, 1] = -H[0, 1] * widening
     out.covariance[p, 2] = H[0, 0] * widening
