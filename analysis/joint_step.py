@@ -97,7 +97,7 @@ def accumulate(
         Added to; only the upper triangle of S. Unknown (k, c, j) has the place (k * C + c) * N_KNOTS + j.
     """
     n_views, _, n_channels = samples.radiance.shape
-    px, fit = allocate_pixel(n_views, n_channels), allocate_fit(n_views, 1, table)
+    px, fit = allocate_pixel(n_views, n_channels), allocate_fit(n_views, n_channels, settings, table)
     work = nnls_work(fit.target.shape[1], table.shape[2])
     system = _allocate(n_channels)
     for p in range(first, last):
@@ -136,7 +136,7 @@ def normal_variance_of_curves(
         Mean over the two tangent axes, rad^2; NaN = not solved.
     """
     n_views, _, n_channels = samples.radiance.shape
-    px, fit = allocate_pixel(n_views, n_channels), allocate_fit(n_views, 1, table)
+    px, fit = allocate_pixel(n_views, n_channels), allocate_fit(n_views, n_channels, settings, table)
     work = nnls_work(fit.target.shape[1], table.shape[2])
     system = _allocate(n_channels)
     Q = covariance.shape[0]

@@ -118,7 +118,7 @@ def _drop(slot: int, m: int, active: Indices, a: Array, columns: Array, G: Array
 
 
 @kernel
-def _solve_active(m: int, active: Indices, a: Array, columns: Array, G: Array, b: Array, L: Array, x: Array) -> int:
+def solve_active(m: int, active: Indices, a: Array, columns: Array, G: Array, b: Array, L: Array, x: Array) -> int:
     """Least squares on the active atoms, those that turn negative dropped [lawson1974, ch. 23]; returns m."""
     while m > 0:
         if not cholesky(G, m, L):
@@ -206,9 +206,9 @@ def nnls(
         _squared_norms(phi, w, d)
     for slot in range(m):
         _gather(phi, w, y, active[slot], slot, active, columns, G, b)
-    m = _solve_active(m, active, a, columns, G, b, L, x)
+    m = solve_active(m, active, a, columns, G, b, L, x)
     for _ in range(3 * MAX_ATOMS):
-        _residual(columns, a, m, y, r)
+        residual(columns, a, m, y, r)
         if m >= most:
             break
         _correlations(phi, w, r, g)
@@ -226,7 +226,7 @@ def nnls(
             break
         a[m] = 0.0
         _gather(phi, w, y, best, m, active, columns, G, b)
-        m_new = _solve_active(m + 1, active, a, columns, G, b, L, x)
+        m_new = solve_active(m + 1, active, a, columns, G, b, L, x)
         stuck = m_new == m and (m == 0 or active[m - 1] != best)
         kept = False
         for j in range(m_new):
@@ -234,7 +234,7 @@ def nnls(
         m = m_new
         if stuck and not kept:
             # The new atom was thrown out at once: it is a copy, to rounding, of what is there.
-            _residual(columns, a, m, y, r)
+            residual(columns, a, m, y, r)
             break
     return m
 
@@ -251,7 +251,7 @@ def _best_beside_active(phi: Array32, w: Array, tolerance: float, m: int, active
     best, gain = -1, tolerance
     for k in range(phi.shape[1]):
         # An atom that gains nothing by itself, or that the active ones make to rounding, would enter on rounding.
-        worth = g[k] > 0.0 and d[k] > 1e-30 and g[k] * g[k] > 3e-2 * tolerance * d[k] and rest[k] > 1e-5 * d[k]
+        worth = g[k] > 0.0 and d[k] > 1e-30 and g[k] * g[k] > 1e-3 * tolerance * d[k] and rest[k] > 1e-5 * d[k]
         if worth and g[k] * g[k] > gain * rest[k]:
             used = False
             for j in range(m):
@@ -285,7 +285,8 @@ def _schur_complements(phi: Array32, w: Array, m: int, work: Work) -> None:
 
 
 @fast_kernel
-def _residual(columns: Array, a: Array, m: int, y: Array, r: Array) -> None:
+def residual(columns: Array, a: Array, m: int, y: Array, r: Array) -> None:
+    """Write r = y - sum_j a_j column_j."""
     for v in range(y.shape[0]):
         r[v] = y[v]
     for j in range(m):

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.kernel import fast_kernel, kernel
-from analysis.nnls import MAX_ATOMS, Work, cholesky, nnls, solve_factored
+from analysis.mixture import Mixture, allocate_mixture, choose, fill_column, refit
+from analysis.nnls import MAX_ATOMS, Work, cholesky, nnls, residual, solve_factored
 from analysis.pixel_samples import NEAR_PLANAR, Pixel, Settings, robust_cost
 
 Array = NDArray[np.float64]
@@ -39,12 +40,14 @@ _CURVE_SIGMA = 0.02
 
 
 class Fit(NamedTuple):
-    """Scratch of the fit of one pixel: K atoms in L layers of N + 1 rows, G groups of rows.
+    """Scratch of the fit of one pixel: G groups of rows, each with coefficients of its own.
 
-    A layer is a table of the atoms: one that all channels read, or one for each where they share coefficients.
+    A channel is a group of N + 1 rows, and all read one table of K atoms. With a palette all channels are one group,
+    each with its own part of the rows and of the table.
     """
 
-    phi: NDArray[np.float32]  # [L, N + 1, K]; the last row is the peak at theta_h = 0
+    phi: NDArray[np.float32]  # [N + 1, K]; the last row is the peak at theta_h = 0
+    mixture: Mixture  # with a palette, instead of phi
     node: NDArray[np.int64]  # [N] of the tables, below t = sqrt(1 - n.h)
     beyond: NDArray[np.float64]  # [N] fraction of a node
     tangent_h: NDArray[np.float64]  # [2, N] d n.h / d tangent
@@ -61,12 +64,14 @@ class Fit(NamedTuple):
 
 
 @kernel
-def allocate_fit(n_views: int, n_groups: int, table: Array32) -> Fit:
+def allocate_fit(n_views: int, n_channels: int, settings: Settings, table: Array32) -> Fit:
     """Allocate the scratch of one pixel's fit to the atoms of `table`."""
-    n_layers, _, n_atoms = table.shape
-    n_rows = n_layers * (n_views + 1)
+    n_atoms = table.shape[2]
+    n_groups, n_parts = (1, n_channels) if settings.shared else (n_channels, 1)
+    n_rows = n_parts * (n_views + 1)
     fit = Fit(
-        np.zeros((n_layers, n_views + 1, n_atoms), np.float32),
+        np.zeros((0 if settings.shared else n_views + 1, n_atoms), np.float32),
+        allocate_mixture(n_atoms if settings.shared else 0, n_rows),
         np.zeros(n_views, np.int64),
         np.zeros(n_views),
         np.zeros((2, n_views)),
@@ -81,18 +86,18 @@ def allocate_fit(n_views: int, n_groups: int, table: Array32) -> Fit:
         np.zeros((n_groups, MAX_ATOMS, MAX_ATOMS)),
         np.zeros((n_groups, n_rows)),
     )
-    for layer in range(n_layers):
+    if not settings.shared:
         for k in range(n_atoms):
-            fit.phi[layer, n_views, k] = table[layer, 0, k]
+            fit.phi[n_views, k] = table[0, 0, k]
     return fit
 
 
 @kernel
 def _turn(n: Array, px: Pixel, fit: Fit, n_nodes: int) -> None:
     """Cosines at the normal `n`, and where in the tables they lie."""
-    for v in range(px.half.shape[0]):
-        c = n[0] * px.half[v, 0] + n[1] * px.half[v, 1] + n[2] * px.half[v, 2]
-        s = n[0] * px.light[v, 0] + n[1] * px.light[v, 1] + n[2] * px.light[v, 2]
+    for v in range(px.half.shape[1]):
+        c = n[0] * px.half[0, v] + n[1] * px.half[1, v] + n[2] * px.half[2, v]
+        s = n[0] * px.light[0, v] + n[1] * px.light[1, v] + n[2] * px.light[2, v]
         c = min(max(c, 0.0), 1.0)
         px.cosine_h[v] = c
         px.cosine_i[v] = max(s, 0.0)
@@ -103,32 +108,29 @@ def _turn(n: Array, px: Pixel, fit: Fit, n_nodes: int) -> None:
 
 @fast_kernel
 def _fill_atoms(px: Pixel, fit: Fit, table: Array32) -> None:
-    """phi[l, v, k] = phi_lk(c_v) s_v of every atom; zero where the surface faces away."""
-    n_layers, n_rows, n_atoms = fit.phi.shape
+    """phi[v, k] = phi_k(c_v) s_v of every atom; zero where the surface faces away."""
+    n_rows, n_atoms = fit.phi.shape
     for v in range(n_rows - 1):
         i = fit.node[v]
         low = np.float32(px.cosine_i[v] * (1.0 - fit.beyond[v]))
         high = np.float32(px.cosine_i[v] * fit.beyond[v])
-        for layer in range(n_layers):
-            for k in range(n_atoms):
-                fit.phi[layer, v, k] = low * table[layer, i, k] + high * table[layer, i + 1, k]
+        for k in range(n_atoms):
+            fit.phi[v, k] = low * table[0, i, k] + high * table[0, i + 1, k]
 
 
 @fast_kernel
 def _fill_active_atoms(px: Pixel, fit: Fit, table: Array32, group: int) -> None:
     """Fill the columns of `phi` that one group uses."""
-    n_layers, n_rows, _ = fit.phi.shape
     for j in range(fit.n_active[group]):
         k = fit.active[group, j]
-        for layer in range(n_layers):
-            for v in range(n_rows - 1):
-                i = fit.node[v]
-                low = np.float32(px.cosine_i[v] * (1.0 - fit.beyond[v]))
-                high = np.float32(px.cosine_i[v] * fit.beyond[v])
-                fit.phi[layer, v, k] = low * table[layer, i, k] + high * table[layer, i + 1, k]
+        for v in range(fit.phi.shape[0] - 1):
+            i = fit.node[v]
+            low = np.float32(px.cosine_i[v] * (1.0 - fit.beyond[v]))
+            high = np.float32(px.cosine_i[v] * fit.beyond[v])
+            fit.phi[v, k] = low * table[0, i, k] + high * table[0, i + 1, k]
 
 
-@kernel
+@fast_kernel
 def _load_target(px: Pixel, fit: Fit, settings: Settings, group: int, ch: int, row: int) -> int:
     """Put a channel's values and weights into a group's rows from `row` on; returns how many count."""
     n_views = px.y.shape[1]
@@ -138,10 +140,10 @@ def _load_target(px: Pixel, fit: Fit, settings: Settings, group: int, ch: int, r
         target[row + v] = px.y[ch, v]
         # A bound that the last model kept says nothing; one that it missed pulls like a value.
         kept = px.clipped[ch, v] and px.model[ch, v] > px.y[ch, v]
-        pull[row + v] = 0.0 if kept else px.weight[ch, v]
-        if pull[row + v] > 0.0:
-            brightest = max(brightest, px.y[ch, v])
-            n_values += 1
+        w = 0.0 if kept else px.weight[ch, v]
+        pull[row + v] = w
+        brightest = max(brightest, px.y[ch, v] if w > 0.0 else 0.0)
+        n_values += w > 0.0
     # A material's curve was found from many pixels; its peak is not this one's to hold down.
     free = settings.shared or brightest <= 0.0
     target[row + n_views] = 0.0
@@ -150,35 +152,38 @@ def _load_target(px: Pixel, fit: Fit, settings: Settings, group: int, ch: int, r
 
 
 @kernel
-def _fit_group(px: Pixel, fit: Fit, settings: Settings, work: Work, group: int, grow: bool) -> None:
-    """Fit the coefficients of one group of rows to the atoms in `fit.phi`, from the last ones; new atoms if `grow`.
-
-    A group is a channel, or all channels where they share the coefficients.
-    """
-    n_layers, n_rows, n_atoms = fit.phi.shape
+def _fit_group(px: Pixel, fit: Fit, settings: Settings, table: Array32, work: Work, group: int, grow: bool) -> None:
+    """Fit the coefficients of one group of rows to the atoms in use, from the last ones; to new atoms too if `grow`."""
+    n_views = px.y.shape[1]
+    y, w, active, a = fit.target[group], fit.pull[group], fit.active[group], fit.a[group]
     n_values = 0
-    for layer in range(n_layers):
-        n_values += _load_target(px, fit, settings, group, layer if settings.shared else group, layer * n_rows)
+    for part in range(y.shape[0] // (n_views + 1)):
+        n_values += _load_target(px, fit, settings, group, part if settings.shared else group, part * (n_views + 1))
     # With few views a curve of many atoms would pass through every sample, whatever the normal.
     most = min(max((n_values - 2) // 2, 1), settings.most) if grow else fit.n_active[group]
+    m = min(fit.n_active[group], most)
     own = Work(
         fit.columns[group], work.G, work.b, fit.L[group], work.x, fit.r[group], work.g, work.d, work.cross, work.rest
     )
-    fit.n_active[group] = nnls(
-        fit.phi.reshape(n_layers * n_rows, n_atoms),
-        fit.pull[group],
-        fit.target[group],
-        settings.tolerance,
-        most,
-        min(fit.n_active[group], most),
-        fit.active[group],
-        fit.a[group],
-        own,
-    )
-    for layer in range(n_layers):
-        ch = layer if settings.shared else group
-        for v in range(n_rows - 1):
-            px.model[ch, v] = px.y[ch, v] - fit.r[group, layer * n_rows + v]
+    if not settings.shared:
+        if not grow:
+            _fill_active_atoms(px, fit, table, group)
+        m = nnls(fit.phi, w, y, settings.tolerance, most, m, active, a, own)
+    elif grow:
+        for k in range(table.shape[2]):
+            fill_column(table, k, fit.node, fit.beyond, px.cosine_i, fit.mixture.column[k])
+        m = choose(w, y, settings.tolerance, most, m, active, a, own, fit.mixture)
+        residual(own.columns, a, m, y, own.r)
+    else:
+        for j in range(m):
+            fill_column(table, active[j], fit.node, fit.beyond, px.cosine_i, own.columns[j])
+        m = refit(w, y, m, active, a, own)
+        residual(own.columns, a, m, y, own.r)
+    fit.n_active[group] = m
+    for part in range(y.shape[0] // (n_views + 1)):
+        model, row = px.model[part if settings.shared else group], part * (n_views + 1)
+        for v in range(n_views):
+            model[v] = y[row + v] - own.r[row + v]
 
 
 @kernel
@@ -188,12 +193,10 @@ def evaluate(
     """Cost at `normal`, coefficients refitted: to the atoms in use, or to all if the normal `moved` far (rad)."""
     grow = moved > PRICED_STEP
     _turn(normal, px, fit, table.shape[1])
-    if grow:
+    if grow and not settings.shared:
         _fill_atoms(px, fit, table)
     for group in range(fit.a.shape[0]):
-        if not grow:
-            _fill_active_atoms(px, fit, table, group)
-        _fit_group(px, fit, settings, work, group, grow)
+        _fit_group(px, fit, settings, table, work, group, grow)
     return robust_cost(px, settings, normal, kappa)
 
 
@@ -214,11 +217,11 @@ def normal_equations(
         t = t1 if e == 0 else t2
         H[e, e] = 1.0 / NEAR_PLANAR**2
         gradient[e] = t[2] / NEAR_PLANAR**2
-        for v in range(px.half.shape[0]):
-            h, w = px.half[v], px.light[v]
+        h, w = px.half, px.light
+        for v in range(h.shape[1]):
             lit = 1.0 if px.cosine_i[v] > 0.0 else 0.0
-            fit.tangent_h[e, v] = t[0] * h[0] + t[1] * h[1] + t[2] * h[2]
-            fit.tangent_i[e, v] = lit * (t[0] * w[0] + t[1] * w[1] + t[2] * w[2])
+            fit.tangent_h[e, v] = t[0] * h[0, v] + t[1] * h[1, v] + t[2] * h[2, v]
+            fit.tangent_i[e, v] = lit * (t[0] * w[0, v] + t[1] * w[1, v] + t[2] * w[2, v])
     for group in range(fit.a.shape[0]):
         _fill_jacobian(px, fit, settings, derivative, group)
         _project(fit, group, H, gradient)
@@ -227,20 +230,22 @@ def normal_equations(
 @fast_kernel
 def _fill_jacobian(px: Pixel, fit: Fit, settings: Settings, derivative: Array32, group: int) -> None:
     """J[e, row] = d m / d tangent e with the coefficients held: sum_k a_k (phi_k' s dc + phi_k ds)."""
-    n_layers, n_rows, _ = fit.phi.shape
-    for layer in range(n_layers):
-        ch = layer if settings.shared else group
-        for v in range(n_rows - 1):
-            i, f = fit.node[v], fit.beyond[v]
-            slope = 0.0
-            for j in range(fit.n_active[group]):
-                k = fit.active[group, j]
-                slope += fit.a[group, j] * ((1.0 - f) * derivative[layer, i, k] + f * derivative[layer, i + 1, k])
+    n_views = px.y.shape[1]
+    slope = np.empty(n_views)
+    for part in range(fit.target.shape[1] // (n_views + 1)):
+        ch = part if settings.shared else group
+        slope[:] = 0.0
+        for j in range(fit.n_active[group]):
+            k, a = fit.active[group, j], fit.a[group, j]
+            for v in range(n_views):
+                low, high = derivative[part, fit.node[v], k], derivative[part, fit.node[v] + 1, k]
+                slope[v] += a * (low + fit.beyond[v] * (high - low))
+        row = part * (n_views + 1)
+        for v in range(n_views):
             s = px.cosine_i[v]
-            slope *= s
             value = px.model[ch, v] / s if s > 0.0 else 0.0
             for e in range(2):
-                fit.J[e, layer * n_rows + v] = slope * fit.tangent_h[e, v] + value * fit.tangent_i[e, v]
+                fit.J[e, row + v] = slope[v] * s * fit.tangent_h[e, v] + value * fit.tangent_i[e, v]
 
 
 @fast_kernel
@@ -304,7 +309,7 @@ def marginal_information(px: Pixel, fit: Fit, settings: Settings, derivative: Ar
 
 @fast_kernel
 def _joint_equations(px: Pixel, fit: Fit, group: int, n_nodes: int, T: Array, U: Array, M: Array) -> None:
-    """Normal equations of a group's hats, T (diagonal, next to it), of its atoms and tangents, M, and across, U."""
+    """Fill the normal equations of a group: hats T (diagonal, next to it), atoms and tangents M, across U."""
     m, w, J, columns = fit.n_active[group], fit.pull[group], fit.J, fit.columns[group]
     T[:] = 0.0
     U[:] = 0.0

@@ -70,8 +70,9 @@ class Pixel(NamedTuple):
     y: NDArray[np.float64]  # [C, N] radiance freed of power and fall-off
     base: NDArray[np.float64]  # [C, N] variance of y without the relative error; inf = no sample
     clipped: NDArray[np.uint8]  # [C, N]
-    light: NDArray[np.float64]  # [N, 3] omega_i
-    half: NDArray[np.float64]  # [N, 3] h
+    gain: NDArray[np.float64]  # [N] d^2 / P
+    light: NDArray[np.float64]  # [3, N] omega_i
+    half: NDArray[np.float64]  # [3, N] h
     cosine_h: NDArray[np.float64]  # [N]
     cosine_i: NDArray[np.float64]  # [N]
     model: NDArray[np.float64]  # [C, N]
@@ -88,8 +89,9 @@ def allocate_pixel(n_views: int, n_channels: int) -> Pixel:
         np.zeros((n_channels, n_views)),
         np.zeros((n_channels, n_views)),
         np.zeros((n_channels, n_views), np.uint8),
-        np.zeros((n_views, 3)),
-        np.zeros((n_views, 3)),
+        np.zeros(n_views),
+        np.zeros((3, n_views)),
+        np.zeros((3, n_views)),
         np.zeros(n_views),
         np.zeros(n_views),
         np.zeros((n_channels, n_views)),
@@ -104,20 +106,9 @@ def allocate_pixel(n_views: int, n_channels: int) -> Pixel:
 def load(samples: Samples, geometry: Geometry, settings: Settings, p: int, px: Pixel) -> None:
     """Directions of pixel `p`, its radiances freed of power and fall-off, and their variances."""
     n_channels, n_views = px.y.shape
-    x = geometry.point[p]
+    _load_directions(geometry, p, px)
     for v in range(n_views):
-        d2, r2 = 0.0, 0.0
-        for i in range(3):
-            d2 += (geometry.light_position[v, i] - x[i]) ** 2
-            r2 += (geometry.camera_position[v, i] - x[i]) ** 2
-        norm2 = 0.0
-        for i in range(3):
-            px.light[v, i] = (geometry.light_position[v, i] - x[i]) / math.sqrt(d2)
-            px.half[v, i] = px.light[v, i] + (geometry.camera_position[v, i] - x[i]) / math.sqrt(r2)
-            norm2 += px.half[v, i] ** 2
-        for i in range(3):
-            px.half[v, i] /= math.sqrt(norm2)
-        gain, n_seen = d2 / geometry.light_power[v], 0
+        gain, n_seen = px.gain[v], 0
         for ch in range(n_channels):
             radiance = samples.radiance[v, p, ch]
             variance = samples.variance[v, p, ch]
@@ -130,6 +121,32 @@ def load(samples: Samples, geometry: Geometry, settings: Settings, p: int, px: P
                 px.y[ch, v] = 0.0
                 px.base[ch, v] = np.inf
         px.share[v] = 1.0 / n_seen if n_seen > 0 else 0.0
+
+
+@fast_kernel
+def _load_directions(geometry: Geometry, p: int, px: Pixel) -> None:
+    x, y, z = geometry.point[p, 0], geometry.point[p, 1], geometry.point[p, 2]
+    for v in range(px.gain.shape[0]):
+        light_x, light_y, light_z = (
+            geometry.light_position[v, 0] - x,
+            geometry.light_position[v, 1] - y,
+            geometry.light_position[v, 2] - z,
+        )
+        camera_x, camera_y, camera_z = (
+            geometry.camera_position[v, 0] - x,
+            geometry.camera_position[v, 1] - y,
+            geometry.camera_position[v, 2] - z,
+        )
+        d2 = light_x * light_x + light_y * light_y + light_z * light_z
+        to_light = 1.0 / math.sqrt(d2)
+        to_camera = 1.0 / math.sqrt(camera_x * camera_x + camera_y * camera_y + camera_z * camera_z)
+        px.gain[v] = d2 / geometry.light_power[v]
+        px.light[0, v], px.light[1, v], px.light[2, v] = light_x * to_light, light_y * to_light, light_z * to_light
+        half_x = px.light[0, v] + camera_x * to_camera
+        half_y = px.light[1, v] + camera_y * to_camera
+        half_z = px.light[2, v] + camera_z * to_camera
+        norm = 1.0 / math.sqrt(half_x * half_x + half_y * half_y + half_z * half_z)
+        px.half[0, v], px.half[1, v], px.half[2, v] = half_x * norm, half_y * norm, half_z * norm
 
 
 @kernel

@@ -95,7 +95,7 @@ def solve_pixels(
     """
     n_views, _, n_channels = samples.radiance.shape
     px = allocate_pixel(n_views, n_channels)
-    fit = allocate_fit(n_views, 1 if settings.shared else n_channels, table)
+    fit = allocate_fit(n_views, n_channels, settings, table)
     work = nnls_work(fit.target.shape[1], table.shape[2])
     normal = np.empty(3)
     best = np.empty(3)

@@ -46,7 +46,7 @@ def normalise(normal: Array) -> bool:
 @kernel
 def _start_trimmed(px: Pixel, normal: Array) -> bool:
     """Least-squares Lambert on the views whose residual is not among the largest, three rounds."""
-    n_views = px.light.shape[0]
+    n_views = px.light.shape[1]
     use = np.zeros(n_views)
     r = np.zeros(n_views)
     for v in range(n_views):
@@ -59,16 +59,16 @@ def _start_trimmed(px: Pixel, normal: Array) -> bool:
             if use[v] > 0.0:
                 y = brightness(px, v)
                 for i in range(3):
-                    b[i] += px.light[v, i] * y
+                    b[i] += px.light[i, v] * y
                     for j in range(3):
-                        A[i, j] += px.light[v, i] * px.light[v, j]
+                        A[i, j] += px.light[i, v] * px.light[j, v]
         for i in range(3):
             A[i, i] += 1e-9 * (A[0, 0] + A[1, 1] + A[2, 2]) + 1e-30
         if not cholesky(A, 3, L):
             return False
         solve_factored(L, b, 3, g)
         for v in range(n_views):
-            fit = px.light[v, 0] * g[0] + px.light[v, 1] * g[1] + px.light[v, 2] * g[2]
+            fit = px.light[0, v] * g[0] + px.light[1, v] * g[1] + px.light[2, v] * g[2]
             y = brightness(px, v)
             r[v] = y - max(fit, 0.0) if y >= 0.0 else np.inf
         # Highlights lie above a Lambertian fit, shadows below: keep the middle of the residuals.
@@ -86,14 +86,14 @@ def _start_highlight(px: Pixel, normal: Array) -> bool:
     """Mean half vector, weighed by the fourth power of brightness so that the peak decides."""
     normal[:] = 0.0
     peak = 0.0
-    for v in range(px.half.shape[0]):
+    for v in range(px.half.shape[1]):
         peak = max(peak, brightness(px, v))
     if peak <= 0.0:
         return False
-    for v in range(px.half.shape[0]):
+    for v in range(px.half.shape[1]):
         w = (max(brightness(px, v), 0.0) / peak) ** 4
         for i in range(3):
-            normal[i] += w * px.half[v, i]
+            normal[i] += w * px.half[i, v]
     return normalise(normal)
 
 
