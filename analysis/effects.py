@@ -207,6 +207,27 @@ def choose_parallax(
     return follow, Choice("parallax", "on" if follow else "off", text)
 
 
+def depth_has_settled(stack: Stack, used: Array, found: Array, follow: bool) -> tuple[bool, str]:
+    """Tell whether the depth that was found moves anything against the one that it was found with, and say how far.
+
+    Parameters
+    ----------
+    stack : Stack
+    used, found : ndarray, shape (H, W)
+        Millimetres; NaN = hole.
+    follow : bool
+        Whether views are resampled along the depth.
+    """
+    change = float(np.nanpercentile(np.abs(found - used), 99)) if np.isfinite(found - used).any() else 0.0
+    turn = float(np.rad2deg(change / np.linalg.norm(stack.light_position, axis=1).min()))
+    C = stack.camera_position
+    shift = change * float(np.max(np.hypot(C[:, 0], C[:, 1]) / C[:, 2])) / stack.pixel_pitch if follow else 0.0
+    text = f"another would turn directions by {turn:.2g} deg"
+    if follow:
+        text += f" and move the views by {shift:.2g} pixels"
+    return turn < FAR_FIELD_DEG and shift < SMALLEST_PARALLAX_PX, text
+
+
 def _log_loss(problem: PixelProblem, noise: Noise) -> float:
     # Not chi-square, which leaves out the views taken for wrong: those are the ones that moved.
     loss = problem.solve(noise).loss

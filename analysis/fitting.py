@@ -26,7 +26,8 @@ _NOISE_ROUNDS, _BISECTIONS = 3, 20
 _RELATIVE_ERRORS = (1e-4, 0.2)  # between which the truth lies
 _MEDIAN_CHI2 = 0.4549  # median of chi-square with one degree of freedom
 
-CHUNK = 512  # pixels a thread takes at a time: small enough to balance, large enough not to matter
+# Pixels a thread takes at a time: small enough to balance, large enough that handing over does not matter.
+_SMALLEST_CHUNK, _LARGEST_CHUNK, _CHUNKS_A_THREAD = 32, 512, 8
 
 
 def n_threads() -> int:
@@ -213,12 +214,15 @@ class PixelProblem:
             np.empty((n_pixels, 2)),
         )
 
+        n = threads or n_threads()
+        size = min(max(n_pixels // (n * _CHUNKS_A_THREAD), _SMALLEST_CHUNK), _LARGEST_CHUNK)
+
         def chunk(first: int) -> None:
-            last = min(first + CHUNK, n_pixels)
+            last = min(first + size, n_pixels)
             pixel_solver.solve_pixels(self.samples, geometry, settings, value, derivative, first, last, out)
 
-        with ThreadPoolExecutor(threads or n_threads()) as pool:
-            list(pool.map(chunk, range(0, n_pixels, CHUNK)))
+        with ThreadPoolExecutor(n) as pool:
+            list(pool.map(chunk, range(0, n_pixels, size)))
         return out
 
     def model(self, fits: PixelFits) -> Array:

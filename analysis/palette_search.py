@@ -42,7 +42,7 @@ _MISFIT = 3.0  # times the median loss, beyond which a pixel counts less
 _ASKING = 0.2  # share of the pixels, those that their own curves fit best against the palette's, that ask for more
 _N_ADDED = 5  # candidates among them that are tried at a time
 _N_PRICED = 800  # pixels on which candidates are weighed against each other
-_BLOCK = 512  # pixels whose equations are added up at a time: rounding depends on it, so it is no tile size to choose
+_BLOCK = 128  # pixels whose equations are added up at a time: rounding depends on it, so it is no tile size to choose
 _N_BINS = 240  # of the pooled samples of a group over t
 # Priors of the logarithmic corrections: weak on their size, firmer on their bends; what was seen outweighs both.
 _SIGMA_SIZE, _SIGMA_BEND = 1.0, 0.2

@@ -15,6 +15,7 @@ from analysis.effects import (
     choose_palette,
     choose_parallax,
     choose_power,
+    depth_has_settled,
     light_is_uncertain,
     refine_light,
 )
@@ -33,7 +34,7 @@ from instrument.validation import raise_if_any
 Array = NDArray[np.float64]
 
 ACCURACIES = {"draft": 0, "normal": 2, "best": 4}
-"""How often geometry is updated from the depth; nothing moved after four."""
+"""How often geometry is updated from the depth at the most; it ends where another update would move nothing."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class Options:
     dictionary : str
         ``"parametric"``, ``"sgd"``, ``"abc"`` or a file of `halfangle dictionary build`.
     accuracy : {"draft", "normal", "best"}
-        Number of geometry updates, `ACCURACIES`.
+        Most geometry updates, `ACCURACIES`.
     light : {"auto", "given", "collocated", "estimate"}
         Where the light stands: as the stack says, in the lens, as the highlights say from nothing, or as
         the stack says and refined from the highlights if it says that it is uncertain.
@@ -142,6 +143,8 @@ def reconstruct(stack: Stack, options: Options | None = None, stages: Stages | N
         run.solve(None)
     for update in range(n_updates):
         run.update_geometry(first=update == 0)
+        if run.has_settled(update + 1):
+            break
     return run.result()
 
 
@@ -156,6 +159,7 @@ class _Run:
         self.fits: PixelFits | None = None
         self.follow = False
         self.depth = np.full(stack.grid.points().shape[:2], np.nan)
+        self.new_depth: Array | None = None
         stack, field_choice = choose_field(stack, options.field)
         with stages.measure("noise and light"):
             stack, self.light_choice, self.light_offset = choose_light(stack, self.dictionary, options.light, self.rng)
@@ -169,6 +173,7 @@ class _Run:
                 self.noise = self.scene.noise(stack, self.noise)
         self.stack = self.fitted = stack
         self.effects = [field_choice, palette_choice, power_choice]
+        self.updates_choice = Choice("depth updates", "0", "forced by option")
 
     def solve(self, depth: Array | None) -> None:
         """Solve all pixels with the geometry as it is."""
@@ -186,6 +191,7 @@ class _Run:
         """Integrate the depth, let views, light and palette follow it, and solve again."""
         with self.stages.measure("depth"):
             self.depth = self._depth()
+        self.new_depth = None
         with self.stages.measure("parallax"):
             if first:
                 self.follow, choice = choose_parallax(
@@ -205,7 +211,17 @@ class _Run:
                 self.noise = self.scene.noise(self.fitted, self.noise, self.depth)
         self.solve(self.depth)
 
+    def has_settled(self, n_updates: int) -> bool:
+        """Tell whether another update of the geometry would change nothing."""
+        with self.stages.measure("depth"):
+            self.new_depth = self._depth()
+        settled, text = depth_has_settled(self.stack, self.depth, self.new_depth, self.follow)
+        self.updates_choice = Choice("depth updates", str(n_updates), text)
+        return settled
+
     def _depth(self) -> Array:
+        if self.new_depth is not None:
+            return self.new_depth
         if self.fits is None:
             # The palette's grid of pixels is fine enough for a first depth.
             assert self.scene is not None
@@ -226,6 +242,8 @@ class _Run:
             forced = self.options.independent
             reason = "forced by option" if forced else "the stack says that its pixels are independent"
             self.effects.append(Choice("depth", "off", reason))
+        if self.surface:
+            self.effects.append(self.updates_choice)
         text = "the typical residual made one of its stated sigma"
         self.effects.append(Choice("relative error", f"{self.noise.relative:.4f}", text))
         materials = self._complete()
