@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,7 @@ from analysis import pixel_solver
 from analysis.dictionary import Dictionary
 from analysis.nnls import MAX_ATOMS
 from analysis.palette import MATERIAL_GAIN, MAX_MATERIALS, Palette
+from analysis.parallax import follow_pixels
 from analysis.pixel_fits import PixelFits
 from analysis.pixel_samples import MIN_VIEWS, Geometry, Samples, Settings
 from analysis.pixel_solver import Solution
@@ -21,6 +24,9 @@ from analysis.reflectance import GRAZING, Cosines
 from analysis.stack import Stack
 
 Array = NDArray[np.float64]
+
+TILE = 2**16
+"""Pixels that are taken out of a stack at a time; results do not depend on it."""
 
 _NOISE_ROUNDS, _BISECTIONS = 3, 20
 _RELATIVE_ERRORS = (1e-4, 0.2)  # between which the truth lies
@@ -74,29 +80,11 @@ class PixelProblem:
         depth: Array | None = None,
         samples: Samples | None = None,
     ) -> None:
-        n, height, width, n_channels = stack.radiance.shape
         self.dictionary = dictionary
-        self.pixels = np.arange(height * width) if pixels is None else pixels
+        self.pixels = np.arange(stack.grid.height * stack.grid.width) if pixels is None else pixels
         self.stack = stack
-        z = None if depth is None else np.nan_to_num(depth)
-        self.points = stack.grid.points(z).reshape(-1, 3)[self.pixels]
-
-        def flat(a: NDArray[np.float32] | None, default: float) -> NDArray[np.float32]:
-            if a is None:
-                # One value seen from everywhere: no memory for what was not measured.
-                return np.broadcast_to(np.float32(default), (n, len(self.pixels), n_channels)).astype(np.float32)
-            a = a.reshape(n, height * width, n_channels)
-            return np.ascontiguousarray(a if pixels is None else a[:, pixels])
-
-        saturated = None if stack.saturated is None else stack.saturated.reshape(n, height * width, n_channels)
-        # Contiguous all, since numba compiles the solver anew for every other layout.
-        self.samples = samples or Samples(
-            flat(stack.radiance, 0.0),
-            flat(stack.variance, 0.0),
-            np.zeros((n, len(self.pixels), n_channels), np.uint8)
-            if saturated is None
-            else np.ascontiguousarray(saturated[:, self.pixels]),
-        )
+        self.points = stack.grid.points_of(self.pixels, None if depth is None else np.nan_to_num(depth))
+        self.samples = samples or samples_of(stack, self.pixels)
 
     def select(self, pixels: NDArray[np.int64]) -> PixelProblem:
         """Return the problem of these of its pixels (indices into `pixels`) only."""
@@ -247,6 +235,30 @@ def _fits(out: Solution, dictionary: Dictionary, atom: NDArray[np.int16], coeffi
         theta_h_range=np.arccos(np.clip(np.stack([high, low], axis=1), -1.0, 1.0)),
         dictionary=dictionary,
     )
+
+
+def samples_of(stack: Stack, pixels: NDArray[np.int64]) -> Samples:
+    """Take the samples of some pixels (flat indices) out of a stack, along the depth that it follows if it does."""
+    if stack.followed is not None:
+        return follow_pixels(stack, stack.followed, pixels)
+    n, height, width, n_channels = stack.radiance.shape
+    shape = (n, len(pixels), n_channels)
+
+    def taken(a: NDArray[Any]) -> NDArray[Any]:
+        # Contiguous, since numba compiles the solver anew for every other layout.
+        return np.ascontiguousarray(a.reshape(n, height * width, n_channels)[:, pixels])
+
+    return Samples(
+        taken(stack.radiance),
+        np.zeros(shape, np.float32) if stack.variance is None else taken(stack.variance),
+        np.zeros(shape, np.uint8) if stack.saturated is None else taken(stack.saturated),
+    )
+
+
+def tiles(pixels: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
+    """Cut pixels into tiles of at most `TILE`, so that memory stays the same for any area."""
+    for first in range(0, len(pixels), TILE):
+        yield pixels[first : first + TILE]
 
 
 def sample_pixels(stack: Stack, n_pixels: int, rng: np.random.Generator) -> NDArray[np.int64]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.dictionary import Atom, Dictionary
-from analysis.fitting import PixelProblem
+from analysis.fitting import PixelProblem, samples_of
 from analysis.metrics import psnr_db, relative_rms
 from analysis.pixel_fits import PixelFits
 from analysis.reconstruction import Reconstruction
@@ -87,12 +87,9 @@ def _leave_one(
     reconstruction: Reconstruction, view: int, pixels: NDArray[np.int64], glossy: NDArray[np.bool_]
 ) -> LeftOutView:
     stack, noise = reconstruction.stack, reconstruction.noise
-    measured = stack.radiance[view].reshape(-1, stack.radiance.shape[-1])[pixels].astype(np.float64)
-    if stack.saturated is not None:
-        clipped = stack.saturated[view].reshape(-1, measured.shape[1])[pixels]
-        measured = np.where(clipped > 0, np.nan, measured)
-    others = np.delete(np.arange(stack.n_views), view)
-    fewer = stack.with_views(others)
+    samples = samples_of(stack, pixels)
+    measured = np.where(samples.saturated[view] > 0, np.nan, samples.radiance[view].astype(np.float64))
+    fewer = stack.without_view(view)
     ours = _predict(reconstruction, _fits_without(reconstruction, fewer, pixels), view, pixels)
     # Plain least squares for the rival: a robust one would give up the highlights at once.
     rival = PixelProblem(fewer, LAMBERT, pixels, reconstruction.depth).solve(noise, robust=False)

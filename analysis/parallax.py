@@ -9,8 +9,6 @@ so a stack that was registered to the plane shows it shifted, by z times the tan
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
@@ -52,8 +50,8 @@ def parallax_shift(stack: Stack, depth: Array, pixels: NDArray[np.int64] | None 
     return np.stack([shift_x, -shift_y], axis=-1)
 
 
-def follow_surface(stack: Stack, depth: Array) -> Stack:
-    """Resample every view (bicubic) so that pixel (i, j) shows the point at height ``depth[i, j]`` above it.
+def follow_pixels(stack: Stack, depth: Array, pixels: NDArray[np.int64]) -> Samples:
+    """Resample every view (bicubic) where it shows the surface points of some pixels.
 
     Variance is propagated through the weights; a value interpolated from any clipped sample is a bound too.
 
@@ -63,24 +61,6 @@ def follow_surface(stack: Stack, depth: Array) -> Stack:
         Registered to the plane z = 0.
     depth : ndarray, shape (H, W)
         Millimetres; NaN counts as 0.
-    """
-    samples = follow_pixels(stack, depth, np.arange(depth.size))
-    shape = stack.radiance.shape
-    return replace(
-        stack,
-        radiance=samples.radiance.reshape(shape),
-        variance=None if stack.variance is None else samples.variance.reshape(shape),
-        saturated=None if stack.saturated is None else samples.saturated.reshape(shape),
-    )
-
-
-def follow_pixels(stack: Stack, depth: Array, pixels: NDArray[np.int64]) -> Samples:
-    """Return what `follow_surface` would have at some pixels, without resampling the others.
-
-    Parameters
-    ----------
-    stack, depth
-        As `follow_surface` takes them.
     pixels : ndarray of int, shape (P,)
         Flat indices.
     """

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -135,3 +136,10 @@ class PixelFits:
             lit = np.where((n_dot_l > 0.0) & (n_dot_v > 0.0), n_dot_l, np.where(np.isnan(n_dot_l), np.nan, 0.0))
         f = self.brdf(Cosines.from_directions(self.normals, omega_i, omega_o))
         return np.asarray(light_power * f * (lit / d2)[:, None])
+
+
+def joined(parts: Sequence[PixelFits]) -> PixelFits:
+    """Join the fits of several sets of pixels, all of one dictionary."""
+    names = [field.name for field in fields(PixelFits) if field.name != "dictionary"]
+    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    return PixelFits(**arrays, dictionary=parts[0].dictionary)

@@ -172,7 +172,7 @@ def _fit_group(px: Pixel, fit: Fit, settings: Settings, table: Array32, work: Wo
     elif grow:
         for k in range(table.shape[2]):
             fill_column(table, k, fit.node, fit.beyond, px.cosine_i, fit.mixture.column[k])
-        m = choose(w, y, settings.tolerance, most, m, active, a, own, fit.mixture)
+        m = choose(w, y, settings.tolerance, most, active, a, own, fit.mixture)
         residual(own.columns, a, m, y, own.r)
     else:
         for j in range(m):

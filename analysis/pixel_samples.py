@@ -47,7 +47,7 @@ class Geometry(NamedTuple):
 
     camera_position: NDArray[np.float64]  # [N, 3]
     light_position: NDArray[np.float64]  # [N, 3]
-    light_power: NDArray[np.float64]  # [N]
+    light_power: NDArray[np.float64]  # [N]; NaN = a view to leave out
     point: NDArray[np.float64]  # [P, 3]
     start: NDArray[np.float64]  # [P, 3] normals to go on from; NaN = none
 
@@ -113,7 +113,8 @@ def load(samples: Samples, geometry: Geometry, settings: Settings, p: int, px: P
             radiance = samples.radiance[v, p, ch]
             variance = samples.variance[v, p, ch]
             px.clipped[ch, v] = samples.saturated[v, p, ch]
-            if math.isfinite(radiance) and variance >= 0.0 and math.isfinite(variance):
+            # A view to leave out has no gain.
+            if math.isfinite(radiance * gain) and variance >= 0.0 and math.isfinite(variance):
                 px.y[ch, v] = radiance * gain
                 px.base[ch, v] = (variance + settings.floor**2) * gain**2
                 n_seen += 1

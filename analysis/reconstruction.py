@@ -19,13 +19,12 @@ from analysis.effects import (
     light_is_uncertain,
     refine_light,
 )
-from analysis.fitting import Noise, PixelProblem, estimate_noise
+from analysis.fitting import Noise, PixelProblem, estimate_noise, tiles
 from analysis.identifiability import view_problems
 from analysis.integration import depth_sigma, integrate_normals
 from analysis.light_calibration import LightOffset
 from analysis.palette_brdf import MaterialBrdfs
-from analysis.parallax import follow_surface
-from analysis.pixel_fits import PixelFits
+from analysis.pixel_fits import PixelFits, joined
 from analysis.scene_palette import ScenePalette, relearn, solve_scene, with_curve_error
 from analysis.stack import Stack
 from analysis.stages import Stages
@@ -183,9 +182,14 @@ class _Run:
                 fits = solve_scene(self.scene, self.fitted, self.noise, depth, start, threads=threads)
                 self.fits = with_curve_error(fits, self.scene, self.fitted, self.noise, depth)
             else:
-                problem = PixelProblem(self.fitted, self.dictionary, depth=depth)
-                tolerance = self.options.tolerance
-                self.fits = problem.solve(self.noise, start=start, tolerance=tolerance, threads=threads)
+                tolerance, pixels = self.options.tolerance, np.arange(self.depth.size)
+                parts = [
+                    PixelProblem(self.fitted, self.dictionary, tile, depth).solve(
+                        self.noise, start=None if start is None else start[tile], tolerance=tolerance, threads=threads
+                    )
+                    for tile in tiles(pixels)
+                ]
+                self.fits = joined(parts)
 
     def update_geometry(self, *, first: bool) -> None:
         """Integrate the depth, let views, light and palette follow it, and solve again."""
@@ -198,18 +202,21 @@ class _Run:
                     self.stack, self.depth, self.dictionary, self.noise, self.options.parallax, self.rng
                 )
                 self.effects.append(choice)
-            self.fitted = follow_surface(self.stack, self.depth) if self.follow else self.stack
+            self.fitted = self._following()
         if first and light_is_uncertain(self.stack, self.options.light):
             with self.stages.measure("noise and light"):
                 self.stack, self.light_choice, self.light_offset = refine_light(
                     self.stack, self.fitted, self.depth, self.dictionary, self.noise, self.rng
                 )
-                self.fitted = replace(self.fitted, light_position=self.stack.light_position)
+                self.fitted = self._following()
         if self.scene is not None:
             with self.stages.measure("palette"):
                 self.scene = relearn(self.scene, self.fitted, self.noise, self.depth)
                 self.noise = self.scene.noise(self.fitted, self.noise, self.depth)
         self.solve(self.depth)
+
+    def _following(self) -> Stack:
+        return replace(self.stack, followed=self.depth) if self.follow else self.stack
 
     def has_settled(self, n_updates: int) -> bool:
         """Tell whether another update of the geometry would change nothing."""

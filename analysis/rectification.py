@@ -55,6 +55,13 @@ class Grid:
         xx, yy = np.meshgrid(x, y)
         return np.stack([xx, yy, np.zeros_like(xx) if depth is None else depth], axis=-1)
 
+    def points_of(self, pixels: NDArray[np.int64], depth: Array | None = None) -> Array:
+        """Return the centres of some pixels (flat indices) as `points` does, shape (P, 3)."""
+        i, j = np.divmod(pixels, self.width)
+        x = (j - (self.width - 1) / 2) * self.pitch
+        y = ((self.height - 1) / 2 - i) * self.pitch
+        return np.stack([x, y, np.zeros(len(pixels)) if depth is None else depth.ravel()[pixels]], axis=-1)
+
 
 @dataclass(frozen=True, slots=True)
 class View:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates, median_filter
 
 from analysis.dictionary import Dictionary
-from analysis.fitting import Noise, PixelProblem, refined_noise
+from analysis.fitting import Noise, PixelProblem, refined_noise, tiles
 from analysis.integration import integrate_normals
 from analysis.materials import leading_material
 from analysis.palette_brdf import MaterialBrdfs, complete_palette
@@ -25,7 +25,7 @@ from analysis.palette_search import (
     find_palette,
     refine_palette,
 )
-from analysis.pixel_fits import PixelFits
+from analysis.pixel_fits import PixelFits, joined
 from analysis.stack import Stack
 
 Array = NDArray[np.float64]
@@ -169,16 +169,28 @@ def solve_scene(
     threads : int or None
     """
     shape = stack.radiance.shape[1:3]
-    problem = PixelProblem(stack, scene.own.dictionary, pixels, depth)
-    begin = _between(scene, shape)[problem.pixels] if start is None else start
-    palette = scene.found.palette
-    fits = problem.solve_with_palette(palette, noise, start=begin, cold=start is None, threads=threads)
-    apart = np.flatnonzero(_nearest(scene.unfit, scene, shape).ravel()[problem.pixels])
+    pixels = np.arange(shape[0] * shape[1]) if pixels is None else pixels
+    begin = _between(scene, shape)[pixels] if start is None else start
+    palette, dictionary = scene.found.palette, scene.own.dictionary
+    places = np.arange(len(pixels))
+    fits = joined(
+        [
+            PixelProblem(stack, dictionary, pixels[tile], depth).solve_with_palette(
+                palette, noise, start=begin[tile], cold=start is None, threads=threads
+            )
+            for tile in tiles(places)
+        ]
+    )
+    apart = np.flatnonzero(_nearest(scene.unfit, scene, shape).ravel()[pixels])
     if len(apart) == 0:
         return fits
-    own = PixelProblem(stack, scene.own.dictionary, problem.pixels[apart], depth)
-    own_start = None if start is None else start[apart]
-    return fits.replaced(apart, own.solve(noise, start=own_start, threads=threads))
+    own = [
+        PixelProblem(stack, dictionary, pixels[tile], depth).solve(
+            noise, start=None if start is None else start[tile], threads=threads
+        )
+        for tile in tiles(apart)
+    ]
+    return fits.replaced(apart, joined(own))
 
 
 def _seen(ranges: Array, otherwise: Array) -> Array:

@@ -58,7 +58,7 @@ class Stack:
     pixel_pitch : float
         Millimetres.
     light_power : ndarray, shape (N,)
-        Relative.
+        Relative; NaN = a view to leave out.
     variance : ndarray of float32, shape (N, H, W, C), or None
     saturated : ndarray of uint8, shape (N, H, W, C), or None
         1 = clipped; radiance is a lower bound.
@@ -68,6 +68,8 @@ class Stack:
         Sample to camera (x right, y down, z forward); lets a light offset be stated in the camera frame.
     light_offset, light_offset_sigma : ndarray, shape (3,), or None
         Of the light from the lens in the camera frame, mm, with one standard deviation.
+    followed : ndarray, shape (H, W), or None
+        Depth in mm along which the views are resampled where pixels are taken from them; None = as registered.
     truth : Truth or None
     notes : dict
         Texts by the names in `NOTES`.
@@ -84,6 +86,7 @@ class Stack:
     camera_rotation: Array | None = None
     light_offset: Array | None = None
     light_offset_sigma: Array | None = None
+    followed: Array | None = None
     truth: Truth | None = None
     notes: dict[str, str] = field(default_factory=dict)
 
@@ -110,6 +113,12 @@ class Stack:
             saturated=None if saturated is None else saturated[views],
             camera_rotation=None if rotation is None else rotation[views],
         )
+
+    def without_view(self, view: int) -> Stack:
+        """Return the stack with one view that no solver looks at; no radiance is copied."""
+        power = self.light_power.copy()
+        power[view] = np.nan
+        return replace(self, light_power=power)
 
 
 def write_stack(path: Path, stack: Stack) -> None:

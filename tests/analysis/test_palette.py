@@ -171,6 +171,7 @@ def test_the_size_of_the_tiles_does_not_matter(
     stack: Stack, reconstructed: Reconstruction, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr("analysis.fitting._LARGEST_CHUNK", 100)
+    monkeypatch.setattr("analysis.fitting.TILE", 150)
     small = reconstruct(stack, Options(palette="on"))
     np.testing.assert_array_equal(small.normals, reconstructed.normals)
     np.testing.assert_array_equal(small.depth, reconstructed.depth)

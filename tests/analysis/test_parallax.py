@@ -3,8 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.parallax import follow_pixels, follow_surface, parallax_shift
-from analysis.reconstruction import Options, reconstruct
+from analysis.effects import depth_has_settled
+from analysis.fitting import samples_of
+from analysis.parallax import follow_pixels, parallax_shift
+from analysis.reconstruction import Options, Reconstruction, reconstruct
 from analysis.stack import Stack
 from tests.synthetic import make_stack
 
@@ -19,6 +21,14 @@ def from_above(picture: np.ndarray, camera: tuple[float, float, float]) -> Stack
     radiance = picture[None, :, :, None].astype(np.float32)
     position = np.array([camera])
     return Stack(radiance, position, position, 1.0, np.ones(1), variance=np.full_like(radiance, 4.0))
+
+
+def follow_surface(stack: Stack, depth: np.ndarray) -> Stack:
+    """Return the stack with all its pixels resampled."""
+    samples = follow_pixels(stack, depth, np.arange(depth.size))
+    shape = stack.radiance.shape
+    radiance, variance, saturated = (a.reshape(shape) for a in samples)
+    return replace(stack, radiance=radiance, variance=variance, saturated=saturated)
 
 
 def difference(a: Stack, b: Stack) -> float:
@@ -107,17 +117,17 @@ def test_a_missing_sample_makes_no_more_missing_than_it_must():
     assert np.flatnonzero(np.isnan(half[2, :-1])).tolist() == [2, 3, 4, 5]
 
 
-def test_some_pixels_are_followed_as_all_of_them_are(on_plane: Stack):
+def test_a_stack_that_follows_a_depth_gives_its_samples_so(on_plane: Stack):
     depth, pixels = on_plane.truth.depth, np.array([3, 77, 401])
-    some, every = follow_pixels(on_plane, depth, pixels), follow_surface(on_plane, depth)
+    some, every = samples_of(replace(on_plane, followed=depth), pixels), follow_surface(on_plane, depth)
     np.testing.assert_array_equal(some.radiance, every.radiance.reshape(on_plane.n_views, -1, 3)[:, pixels])
     np.testing.assert_array_equal(some.variance, every.variance.reshape(on_plane.n_views, -1, 3)[:, pixels])
 
 
-def test_a_stack_without_variance_or_mask_has_none_afterwards(on_plane: Stack):
-    bare = follow_surface(replace(on_plane, variance=None), on_plane.truth.depth)
-    assert bare.variance is None
-    assert bare.saturated is None
+def test_a_stack_without_variance_or_mask_gives_none(on_plane: Stack):
+    bare = follow_pixels(replace(on_plane, variance=None), on_plane.truth.depth, np.arange(9))
+    assert not bare.variance.any()
+    assert not bare.saturated.any()
 
 
 def chosen(stack: Stack, **options: object):
@@ -130,16 +140,38 @@ def test_parallax_is_turned_on_for_a_stack_made_on_the_plane():
     result, choice = chosen(on_plane)
     assert choice.chosen == "on"
     assert "along the depth" in choice.reason
-    assert not np.array_equal(result.stack.radiance, on_plane.radiance)
+    assert result.stack.followed is not None
+    assert "move the views by" in next(c.reason for c in result.choices if c.effect == "depth updates")
 
 
-def test_parallax_is_turned_off_for_a_stack_made_on_the_surface(reconstruction, stack: Stack):
+def test_parallax_is_turned_off_for_a_stack_made_on_the_surface(reconstruction: Reconstruction):
     choice = {choice.effect: choice for choice in reconstruction.choices}["parallax"]
     assert choice.chosen == "off"
-    np.testing.assert_array_equal(reconstruction.stack.radiance, stack.radiance)
+    assert reconstruction.stack.followed is None
 
 
 def test_parallax_can_be_forced_and_says_so(stack: Stack):
     result, choice = chosen(stack, parallax="on")
     assert (choice.chosen, choice.reason) == ("on", "forced by option")
-    assert not np.array_equal(result.stack.radiance, stack.radiance)
+    assert result.stack.followed is not None
+
+
+def test_the_geometry_is_updated_until_another_update_would_move_nothing(stack: Stack):
+    used = np.zeros((24, 24))
+    settled, text = depth_has_settled(stack, used, used + 0.01, follow=False)
+    assert settled
+    assert text == f"another would turn directions by {np.rad2deg(0.01 / nearest(stack)):.2g} deg"
+    assert not depth_has_settled(stack, used, used + 1.0, follow=False)[0]
+
+
+def test_where_the_views_follow_the_depth_a_shift_of_theirs_asks_for_another_update(stack: Stack):
+    used, found = np.zeros((24, 24)), np.full((24, 24), 0.2 * stack.pixel_pitch)
+    fine = replace(stack, pixel_pitch=0.01)
+    assert depth_has_settled(fine, used, found, follow=False)[0]
+    settled, text = depth_has_settled(fine, used, found, follow=True)
+    assert not settled
+    assert "move the views by" in text
+
+
+def nearest(stack: Stack) -> float:
+    return float(np.linalg.norm(stack.light_position, axis=1).min())

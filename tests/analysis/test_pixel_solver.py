@@ -118,6 +118,11 @@ def test_a_view_that_does_not_see_a_pixel_is_as_if_it_were_not_there(stack: Stac
     assert np.percentile(difference, 95) < 1e-3
 
 
+def test_a_view_without_light_power_is_as_if_it_were_not_there(stack: Stack):
+    difference = between_deg(solve(stack.without_view(11)), solve(stack.with_views(np.delete(np.arange(40), 11))))
+    assert np.percentile(difference, 95) < 1e-3
+
+
 def test_scattered_missing_samples_cost_little(stack: Stack):
     radiance = stack.radiance.copy()
     radiance[np.random.default_rng(0).random(radiance.shape) < 0.2] = np.nan
