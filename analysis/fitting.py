@@ -241,17 +241,26 @@ def samples_of(stack: Stack, pixels: NDArray[np.int64]) -> Samples:
     """Take the samples of some pixels (flat indices) out of a stack, along the depth that it follows if it does."""
     if stack.followed is not None:
         return follow_pixels(stack, stack.followed, pixels)
-    n, height, width, n_channels = stack.radiance.shape
+    n, _, width, n_channels = stack.radiance.shape
     shape = (n, len(pixels), n_channels)
+    if len(pixels) == 0:
+        return Samples(np.zeros(shape, np.float32), np.zeros(shape, np.float32), np.zeros(shape, np.uint8))
+    first, last = int(pixels.min()) // width, int(pixels.max()) // width + 1
+    places: Any = pixels - first * width
+    if len(pixels) == places[-1] - places[0] + 1 and np.all(np.diff(places) == 1):
+        # Neighbours in reading order, as tiles are, are copied faster by a slice.
+        places = slice(places[0], places[-1] + 1)
 
-    def taken(a: NDArray[Any]) -> NDArray[Any]:
-        # Contiguous, since numba compiles the solver anew for every other layout.
-        return np.ascontiguousarray(a.reshape(n, height * width, n_channels)[:, pixels])
+    def taken(a: Any, dtype: type[Any]) -> NDArray[Any]:
+        out = np.empty(shape, dtype)
+        for v in range(n):
+            out[v] = a[v, first:last].reshape(-1, n_channels)[places]
+        return out
 
     return Samples(
-        taken(stack.radiance),
-        np.zeros(shape, np.float32) if stack.variance is None else taken(stack.variance),
-        np.zeros(shape, np.uint8) if stack.saturated is None else taken(stack.saturated),
+        taken(stack.radiance, np.float32),
+        np.zeros(shape, np.float32) if stack.variance is None else taken(stack.variance, np.float32),
+        np.zeros(shape, np.uint8) if stack.saturated is None else taken(stack.saturated, np.uint8),
     )
 
 
@@ -263,10 +272,12 @@ def tiles(pixels: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
 
 def sample_pixels(stack: Stack, n_pixels: int, rng: np.random.Generator) -> NDArray[np.int64]:
     """Draw at most `n_pixels` pixels that enough views see, in ascending order."""
-    # View by view: a mask of all samples at once would be a quarter of the stack.
-    seen = np.zeros(stack.radiance[0, ..., 0].size, np.int64)
-    for view in stack.radiance:
-        seen += np.isfinite(view).all(axis=-1).ravel()
+    # View by view, since the stack may be on disk and a mask of all samples would be a quarter of it.
+    n_views, height, width, n_channels = stack.radiance.shape
+    seen = np.zeros(height * width, np.int64)
+    for v in range(n_views):
+        view = stack.radiance[v].reshape(-1, n_channels)
+        seen += np.logical_and.reduce([np.isfinite(view[:, ch]) for ch in range(n_channels)])
     candidates = np.flatnonzero(seen >= min(MIN_VIEWS, stack.n_views))
     if len(candidates) <= n_pixels:
         return candidates

@@ -13,7 +13,7 @@ from analysis.metrics import psnr_db, relative_rms
 from analysis.pixel_fits import PixelFits
 from analysis.reconstruction import Reconstruction
 from analysis.reflectance import Cosines
-from analysis.scene_palette import relearn, solve_scene
+from analysis.scene_palette import solve_scene, with_curves_refined
 from analysis.stack import Stack
 
 Array = NDArray[np.float64]
@@ -115,7 +115,8 @@ def _fits_without(reconstruction: Reconstruction, fewer: Stack, pixels: NDArray[
     noise, depth, scene = reconstruction.noise, reconstruction.depth, reconstruction.palette
     if scene is None:
         return PixelProblem(fewer, reconstruction.fits.dictionary, pixels, depth).solve(noise)
-    return solve_scene(relearn(scene, fewer, noise, depth), fewer, noise, depth, None, pixels=pixels)
+    refined = with_curves_refined(scene, fewer, noise, depth)
+    return solve_scene(refined, fewer, noise, depth, None, pixels=pixels)
 
 
 def _predict(reconstruction: Reconstruction, fits: PixelFits, view: int, pixels: NDArray[np.int64]) -> Array:

@@ -161,7 +161,7 @@ def _block_medians(stack: Stack) -> tuple[Array, Array, NDArray[np.int64]]:
     n, height, width, _ = stack.radiance.shape
     size = max(min(height, width) // _POOLED_BLOCKS, 1)
     rows, columns = height // size, width // size
-    cut = stack.radiance[:, : rows * size, : columns * size].mean(axis=-1)
+    cut = np.stack([stack.radiance[v, : rows * size, : columns * size].mean(axis=-1) for v in range(n)])
     tiles = cut.reshape(n, rows, size, columns, size).transpose(0, 1, 3, 2, 4).reshape(n, rows * columns, -1)
     centres = stack.grid.points()[: rows * size, : columns * size]
     centres = centres.reshape(rows, size, columns, size, 3).mean(axis=(1, 3)).reshape(-1, 3)

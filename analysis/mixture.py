@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.kernel import fast_kernel, kernel
-from analysis.nnls import MAX_ATOMS, Indices, Work, solve_active
+from analysis.nnls import Indices, Work, solve_active
 
 _COPY = 1e-9  # share of a column's square that others must leave of it, or it is their copy to rounding
 

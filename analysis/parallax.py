@@ -64,33 +64,43 @@ def follow_pixels(stack: Stack, depth: Array, pixels: NDArray[np.int64]) -> Samp
     pixels : ndarray of int, shape (P,)
         Flat indices.
     """
-    n_views, _, _, n_channels = stack.radiance.shape
+    n_views, height, width, n_channels = stack.radiance.shape
     shape = (n_views, len(pixels), n_channels)
-    # Without a variance or a mask there is nothing to resample; an empty view stands in for the kernel.
-    nothing = np.zeros((1, 0, 0, 0), np.float32)
+    z = np.nan_to_num(depth).ravel()[pixels]
+    i, j = np.divmod(pixels, width)
     out = Samples(np.empty(shape, np.float32), np.zeros(shape, np.float32), np.zeros(shape, np.uint8))
-    _resample(
-        stack.radiance,
-        nothing if stack.variance is None else stack.variance,
-        nothing.astype(np.uint8) if stack.saturated is None else stack.saturated,
-        stack.camera_position,
-        stack.pixel_pitch,
-        np.nan_to_num(depth),
-        pixels,
-        out.radiance,
-        out.variance,
-        out.saturated,
-    )
+    # Without a variance or a mask there is nothing to resample; an empty picture stands in for the kernel.
+    nothing = np.zeros((0, 0, 0), np.float32)
+    for v, camera in enumerate(stack.camera_position):
+        # The line of sight from the camera through the surface point meets the plane so far from it.
+        factor = z / (camera[2] - z) / stack.pixel_pitch
+        x = j + ((j - 0.5 * (width - 1)) * stack.pixel_pitch - camera[0]) * factor
+        y = i - ((0.5 * (height - 1) - i) * stack.pixel_pitch - camera[1]) * factor
+        rows = slice(max(int(y.min()) - 3, 0), max(min(int(y.max()) + 4, height), 0)) if len(y) else slice(0)
+        _resample(
+            np.asarray(stack.radiance[v, rows], np.float32),
+            nothing if stack.variance is None else np.asarray(stack.variance[v, rows], np.float32),
+            nothing.astype(np.uint8) if stack.saturated is None else np.asarray(stack.saturated[v, rows], np.uint8),
+            rows.start or 0,
+            height,
+            x,
+            y,
+            out.radiance[v],
+            out.variance[v],
+            out.saturated[v],
+        )
     return out
 
 
 @njit(cache=True, nogil=True)
-def _catmull_rom(f: float, w: Array) -> None:
+def _catmull_rom(f: float) -> tuple[float, float, float, float]:
     """Weights of the samples at -1, 0, 1, 2 for a point at 0 <= f < 1 [keys1981, a = -1/2]."""
-    w[0] = f * (-0.5 + f * (1.0 - 0.5 * f))
-    w[1] = 1.0 + f * f * (-2.5 + 1.5 * f)
-    w[2] = f * (0.5 + f * (2.0 - 1.5 * f))
-    w[3] = f * f * (-0.5 + 0.5 * f)
+    return (
+        f * (-0.5 + f * (1.0 - 0.5 * f)),
+        1.0 + f * f * (-2.5 + 1.5 * f),
+        f * (0.5 + f * (2.0 - 1.5 * f)),
+        f * f * (-0.5 + 0.5 * f),
+    )
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -98,45 +108,37 @@ def _resample(
     radiance: Array32,
     variance: Array32,
     saturated: Mask,
-    camera: Array,
-    pitch: float,
-    depth: Array,
-    pixels: NDArray[np.int64],
+    first_row: int,
+    height: int,
+    x: Array,
+    y: Array,
     out_radiance: Array32,
     out_variance: Array32,
     out_saturated: Mask,
 ) -> None:
-    n_views, height, width, n_channels = radiance.shape
-    for v in prange(n_views):
-        w_x, w_y = np.empty(4), np.empty(4)
-        for p in range(pixels.shape[0]):
-            i, j = pixels[p] // width, pixels[p] % width
-            z = depth[i, j]
-            # The line of sight from the camera through the surface point meets the plane so far from it.
-            factor = z / (camera[v, 2] - z) / pitch
-            x = j + ((j - 0.5 * (width - 1)) * pitch - camera[v, 0]) * factor
-            y = i - ((0.5 * (height - 1) - i) * pitch - camera[v, 1]) * factor
-            # Within half a pixel of the border the outermost samples are repeated; beyond, nothing is known.
-            inside = -0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5
-            x0, y0 = int(np.floor(x)), int(np.floor(y))
-            _catmull_rom(x - x0, w_x)
-            _catmull_rom(y - y0, w_y)
-            for ch in range(n_channels):
-                value, noise, clipped = 0.0, 0.0, False
-                for a in range(4):
-                    r = min(max(y0 - 1 + a, 0), height - 1)
-                    for b in range(4):
-                        c = min(max(x0 - 1 + b, 0), width - 1)
-                        w = w_x[b] * w_y[a]
-                        # A missing sample of no weight must not make its neighbour missing.
-                        if w != 0.0:
-                            value += w * radiance[v, r, c, ch]
-                            if variance.size > 0:
-                                noise += w * w * variance[v, r, c, ch]
-                            if saturated.size > 0:
-                                clipped = clipped or (saturated[v, r, c, ch] > 0 and abs(w) > _CLIPPED_SHARE)
-                out_radiance[v, p, ch] = value if inside else np.nan
-                if variance.size > 0:
-                    out_variance[v, p, ch] = noise if inside else np.nan
-                if saturated.size > 0:
-                    out_saturated[v, p, ch] = clipped
+    """Interpolate one view's rows from `first_row` on at (x, y), in pixels of the whole picture of `height` rows."""
+    n_rows, width, n_channels = radiance.shape
+    for p in prange(x.shape[0]):
+        # Within half a pixel of the border the outermost samples are repeated; beyond, nothing is known.
+        inside = n_rows > 0 and -0.5 <= x[p] <= width - 0.5 and -0.5 <= y[p] <= height - 0.5
+        x0, y0 = int(np.floor(x[p])), int(np.floor(y[p]))
+        w_x, w_y = _catmull_rom(x[p] - x0), _catmull_rom(y[p] - y0)
+        for ch in range(n_channels):
+            value, noise, clipped = 0.0, 0.0, False
+            for a in range(4 if inside else 0):
+                r = min(max(y0 - 1 + a, 0), height - 1) - first_row
+                for b in range(4):
+                    c = min(max(x0 - 1 + b, 0), width - 1)
+                    w = w_x[b] * w_y[a]
+                    # A missing sample of no weight must not make its neighbour missing.
+                    if w != 0.0:
+                        value += w * radiance[r, c, ch]
+                        if variance.size > 0:
+                            noise += w * w * variance[r, c, ch]
+                        if saturated.size > 0:
+                            clipped = clipped or (saturated[r, c, ch] > 0 and abs(w) > _CLIPPED_SHARE)
+            out_radiance[p, ch] = value if inside else np.nan
+            if variance.size > 0:
+                out_variance[p, ch] = noise if inside else np.nan
+            if saturated.size > 0:
+                out_saturated[p, ch] = clipped

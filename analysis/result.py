@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -17,6 +17,7 @@ from analysis import pixel_samples
 from analysis.atom_file import read_atoms, write_atoms
 from analysis.atoms import LAMBERT, LOBE, MATERIAL, AnyAtom, TabulatedAtom
 from analysis.dictionary import Dictionary
+from analysis.fitting import tiles
 from analysis.materials import group_materials
 from analysis.palette_brdf import MaterialBrdfs
 from analysis.pixel_fits import PixelFits
@@ -180,24 +181,23 @@ def write_result(path: Path, result: Result) -> None:
 
 def _write_maps(group: Any, result: Result) -> None:
     fits = result.fits
-    maps: list[tuple[str, Any, str, str]] = [
-        ("normals", fits.normals.astype(np.float32), "", "unit vectors, sample frame"),
-        ("normal_sigma_deg", np.rad2deg(fits.normal_sigma).astype(np.float32), "deg", "per tangent axis, one sigma"),
-        ("normal_covariance", fits.covariance.astype(np.float32), "rad^2", "xx, xy, yy of the tangent parameters"),
-        ("model", model_used(fits), "", ""),
-        ("flags", fits.flags, "", ""),
-        ("reduced_chi2", fits.reduced_chi2.astype(np.float32), "", ""),
-        ("theta_h_range", fits.theta_h_range.astype(np.float32), "rad", "smallest and largest half angle seen"),
-        (
-            "diffuse_albedo",
-            diffuse_albedo(fits).astype(np.float32),
-            "",
-            f"pi f at {DIFFUSE_REFERENCE_DEG:g} deg or as far as seen",
-        ),
-        ("material", group_materials(fits), "", "groups of like curves, largest first; -1 = unsolved"),
+    albedo = f"pi f at {DIFFUSE_REFERENCE_DEG:g} deg or as far as seen"
+    # Made one after the other, by tiles where it takes much more than the map: an area may have many megapixels.
+    maps: list[tuple[str, Callable[[], NDArray[Any]], str, str]] = [
+        ("normals", lambda: fits.normals, "", "unit vectors, sample frame"),
+        ("normal_sigma_deg", lambda: np.rad2deg(fits.normal_sigma), "deg", "per tangent axis, one sigma"),
+        ("normal_covariance", lambda: fits.covariance, "rad^2", "xx, xy, yy of the tangent parameters"),
+        ("model", lambda: _by_tiles(model_used, fits), "", ""),
+        ("flags", lambda: fits.flags, "", ""),
+        ("reduced_chi2", lambda: fits.reduced_chi2, "", ""),
+        ("theta_h_range", lambda: fits.theta_h_range, "rad", "smallest and largest half angle seen"),
+        ("diffuse_albedo", lambda: _by_tiles(diffuse_albedo, fits), "", albedo),
+        ("material", lambda: group_materials(fits), "", "groups of like curves, largest first; -1 = unsolved"),
     ]
     for name, values, units, meaning in maps:
-        _write_map(group, name, result.as_map(values), units, meaning)
+        made = values()
+        single = made.astype(np.float32) if made.dtype == np.float64 else made
+        _write_map(group, name, result.as_map(single), units, meaning)
     _write_map(group, "depth", result.depth.astype(np.float32), "mm", "mean 0, out of the sample")
     _write_map(group, "depth_sigma", result.depth_sigma.astype(np.float32), "mm", "one sigma")
     if result.truth_error is not None:
@@ -205,6 +205,10 @@ def _write_maps(group: Any, result: Result) -> None:
     group["model"].attrs["names"] = np.array(MODEL_NAMES, dtype=h5py.string_dtype())
     group["flags"].attrs["bits"] = json.dumps({str(bit): text for bit, text in FLAG_NAMES.items()})
     group.create_dataset("pixel_pitch", data=result.grid.pitch).attrs["units"] = "mm"
+
+
+def _by_tiles(make: Callable[[PixelFits], NDArray[Any]], fits: PixelFits) -> NDArray[Any]:
+    return np.concatenate([make(fits.select(tile)) for tile in tiles(np.arange(len(fits.normals)))])
 
 
 def _write_map(group: Any, name: str, values: Any, units: str, meaning: str) -> None:

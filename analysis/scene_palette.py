@@ -137,11 +137,17 @@ def learn(
 
 
 def relearn(scene: ScenePalette, stack: Stack, noise: Noise, depth: Array | None) -> ScenePalette:
-    """Refine the palette with a new depth, light or noise."""
+    """Refine the palette with a new depth, light or noise, and look again where it holds."""
     _, _, problem = _grid(stack, scene.own.dictionary, depth)
     own = problem.solve(noise, start=scene.own.normals)
     found = refine_palette(problem, own, noise, scene.found)
     return ScenePalette(found, own, scene.rows, scene.columns, _unfit(found, own, len(scene.rows), stack.n_views))
+
+
+def with_curves_refined(scene: ScenePalette, stack: Stack, noise: Noise, depth: Array | None) -> ScenePalette:
+    """Refine the palette's curves alone, for samples that are nearly the same."""
+    _, _, problem = _grid(stack, scene.own.dictionary, depth)
+    return replace(scene, found=refine_palette(problem, scene.own, noise, scene.found))
 
 
 def solve_scene(

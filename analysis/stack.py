@@ -24,6 +24,9 @@ SCHEMA = "1.0"
 NOTES = ("calibration", "session_digest")
 """Texts that travel with a stack: the calibration's figures (JSON) and the digest of the session."""
 
+IN_MEMORY_BYTES = 2**29
+"""Radiances beyond this size stay in their file and are read where they are needed, unless they are compressed."""
+
 MAX_BYTES = 48 * 2**30
 """Largest radiance that is read: a size beyond it is a damaged or hostile file, not a capture."""
 
@@ -52,7 +55,8 @@ class Stack:
     Attributes
     ----------
     radiance : ndarray of float32, shape (N, H, W, C)
-        Linear, relative; NaN = not seen by this view.
+        Linear, relative; NaN = not seen by this view. This, `variance` and `saturated` may be the datasets of an open
+        file instead: take them view by view.
     camera_position, light_position : ndarray, shape (N, 3)
         Sample frame, mm.
     pixel_pitch : float
@@ -200,13 +204,19 @@ def read_stack(path: Path) -> Stack:
     except OSError as error:
         reason = "no such file" if not path.exists() else f"not an HDF5 file, or damaged ({error})"
         raise InvalidInputError(title, [Problem(str(path), reason)]) from None
-    with file:
+    try:
         raise_if_any(title, _check(file))
         try:
             stack = _read(file)
+            problems = list(_check_values(stack))
         except (OSError, ValueError, TypeError, KeyError) as error:
             raise InvalidInputError(title, [Problem(str(path), f"damaged: {error}")]) from None
-    raise_if_any(title, _check_values(stack))
+        raise_if_any(title, problems)
+    except BaseException:
+        file.close()
+        raise
+    if isinstance(stack.radiance, np.ndarray):
+        file.close()
     return stack
 
 
@@ -282,17 +292,21 @@ def _read(file: Any) -> Stack:
 
     radiance = _dataset(file, _RADIANCE)
     n = radiance.shape[0]
+    pictures = {"radiance": np.float32, "variance": np.float32, "saturated": np.uint8}
+    found = {name: _dataset(file, f"/entry/stack/{name}") for name in pictures}
+    if not _stays_on_disk([dataset for dataset in found.values() if dataset is not None]):
+        found = {name: optional(f"/entry/stack/{name}", dtype) for name, dtype in pictures.items()}
     light_power = optional(f"{_GEOMETRY}/light_power", np.float64)
     normals, depth = optional("/entry/truth/normals", np.float64), optional("/entry/truth/depth", np.float64)
     pixels = radiance.attrs.get("pixels", file["/entry/stack"].attrs.get("pixels", "surface"))
     return Stack(
-        radiance=radiance[...].astype(np.float32, copy=False),
+        radiance=found["radiance"],
         camera_position=optional(f"{_GEOMETRY}/camera_position", np.float64),
         light_position=optional(f"{_GEOMETRY}/light_position", np.float64),
         pixel_pitch=float(np.ravel(_dataset(file, f"{_GEOMETRY}/pixel_pitch")[...])[0]),
         light_power=np.ones(n) if light_power is None else light_power,
-        variance=optional("/entry/stack/variance", np.float32),
-        saturated=optional("/entry/stack/saturated", np.uint8),
+        variance=found["variance"],
+        saturated=found["saturated"],
         pixels=pixels.decode() if isinstance(pixels, bytes) else str(pixels),
         camera_rotation=optional(f"{_GEOMETRY}/camera_rotation", np.float64),
         light_offset=optional(f"{_GEOMETRY}/light_offset", np.float64),
@@ -300,6 +314,13 @@ def _read(file: Any) -> Stack:
         notes={k: str(v) for k, v in file["/entry"].attrs.items() if k in NOTES},
         truth=_truth(normals, depth, optional("/entry/truth/material", np.int64)),
     )
+
+
+def _stays_on_disk(datasets: list[Any]) -> bool:
+    """Tell whether pictures are large, and lie in their file so that a part can be read without the rest."""
+    # A compressed chunk must be unpacked as a whole, again for every tile.
+    plain = all(dataset.id.get_create_plist().get_nfilters() == 0 for dataset in datasets)
+    return plain and sum(np.prod(d.shape, dtype=np.float64) * d.dtype.itemsize for d in datasets) > IN_MEMORY_BYTES
 
 
 def _truth(normals: Array | None, depth: Array | None, material: NDArray[np.int64] | None) -> Truth | None:
@@ -327,5 +348,7 @@ def _check_values(stack: Stack) -> Iterator[Problem]:
         yield Problem(f"{_GEOMETRY}/light_power", "must be positive and finite for every view")
     if stack.pixels not in ("surface", "independent"):
         yield Problem(_RADIANCE, f"attribute pixels is {stack.pixels!r}; must be 'surface' or 'independent'")
-    if not np.any(np.isfinite(stack.radiance)):
+    # All views, though one would do: what cannot be read is to be said now and not in the middle of the work.
+    seen = [bool(np.isfinite(stack.radiance[v]).any()) for v in range(stack.n_views)]
+    if not any(seen):
         yield Problem(_RADIANCE, "has no finite value: no view sees the sample")

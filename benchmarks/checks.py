@@ -10,8 +10,9 @@ import numpy as np
 from analysis.dictionary import parametric
 from analysis.fitting import PixelProblem
 from analysis.identifiability import view_problems
+from analysis.reconstruction import Options, reconstruct
 from benchmarks.methods import KNOWN_NOISE
-from benchmarks.scenes import FAR_MM, Scene, independent
+from benchmarks.scenes import FAR_MM, Scene, independent, relief
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,7 @@ def checks(seed: int) -> Iterator[Check]:
     scene = independent(600, 25, 0.02, seed)
     yield from _refused_poses(scene)
     yield _same_bits(scene)
+    yield _same_bits_whole(seed)
 
 
 def _refused_poses(scene: Scene) -> Iterator[Check]:
@@ -48,6 +50,16 @@ def _refused_poses(scene: Scene) -> Iterator[Check]:
         stack = replace(scene.stack, camera_position=FAR_MM * omega, light_position=FAR_MM * omega)
         found = [problem.what for problem in view_problems(stack)]
         yield Check(f"{name} are refused", bool(found), found[0] if found else "they were accepted")
+
+
+def _same_bits_whole(seed: int) -> Check:
+    """Reconstruct a relief, palette and all, with one thread and with two."""
+    stack = relief(48, 25, 0.02, seed).stack
+    one, two = (reconstruct(stack, Options(palette="on", threads=n)) for n in (1, 2))
+    same = np.array_equal(one.normals, two.normals, equal_nan=True) and np.array_equal(one.depth, two.depth)
+    largest = float(np.nanmax(np.abs(one.normals - two.normals)))
+    name = "one and two threads give the same bits of a whole reconstruction"
+    return Check(name, bool(same), f"largest difference {largest:.1e}")
 
 
 def _same_bits(scene: Scene) -> Check:

@@ -30,6 +30,17 @@ def waves(height: int, width: int) -> tuple[Array, Array]:
     return z, normals / np.linalg.norm(normals, axis=-1, keepdims=True)
 
 
+def fastest_seconds(size: int = 2000) -> float:
+    """Return the seconds that the normals of `size` by `size` pixels take to become depth, the best of five times."""
+    normals = waves(size, size)[1]
+    seconds = []
+    for _ in range(5):
+        begin = time.perf_counter()
+        integrate_normals(normals, PITCH)
+        seconds.append(time.perf_counter() - begin)
+    return min(seconds)
+
+
 def with_holes(normals: Array) -> Array:
     """Leave out a twentieth of the pixels, and a block."""
     holed = normals.copy()

@@ -16,6 +16,7 @@ import numpy as np
 from analysis.metrics import angular_error_deg
 from analysis.stages import peak_memory_mb
 from benchmarks.checks import checks
+from benchmarks.integration_speed import fastest_seconds
 from benchmarks.methods import METHODS, Estimate, Method
 from benchmarks.rows import Row, paired, score
 from benchmarks.scenes import Scene, independent, relief
@@ -53,6 +54,7 @@ def bench(chosen: list[Setting], seed: int, announce: Callable[[str], None] | No
     add_ratios(rows, seed)
     report: Report = {"seed": seed, "day": time.strftime("%Y-%m-%d"), "machine": machine(), "load": load}
     report |= {"versions": {name: version(name) for name in PACKAGES}, "rows": rows}
+    report["integration_seconds"] = fastest_seconds()
     report["checks"] = [asdict(check) for check in checks(seed)]
     return report | {"seconds": time.perf_counter() - begin, "peak_mb": peak_memory_mb()}
 

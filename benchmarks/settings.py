@@ -16,6 +16,7 @@ from analysis.fitting import Noise
 from analysis.reconstruction import Options
 from analysis.reflectance import Cosines
 from benchmarks import alterations, scenes
+from benchmarks.file_to_file import file_to_file
 from benchmarks.methods import METHODS, Estimate, Method, generic, generic_pixels, known, palette, reference, whole
 from benchmarks.scenes import Scene
 
@@ -41,6 +42,8 @@ RELIEF_SIZE = 96  # pixels a side
 TABLES = ("sgd", "abc")
 LARGE_SIZE = 384
 LARGE = f"{LARGE_SIZE**2} pixels"
+MEGAPIXEL_SIZE = 1000
+MEGAPIXEL = "a megapixel, from file to file"
 REPEATS = 3  # reliefs of the setting of the targets, since one relief is one draw of five materials
 
 
@@ -231,6 +234,7 @@ def growth() -> Iterator[Setting]:
         yield Setting("growth", "relief", methods, size, variant=f"{size**2} pixels")
     large = (Entry("palette", with_memory(palette)),)
     yield Setting("growth", "relief", large, LARGE_SIZE, variant=LARGE)
+    yield Setting("growth", "relief", (Entry("palette", file_to_file),), MEGAPIXEL_SIZE, variant=MEGAPIXEL)
     pixels = (Entry("generic", with_memory(generic_pixels)),)
     for n_views in (16, 32, N_VIEWS, 130, 260):
         yield Setting("growth", "independent", pixels, 2048, n_views, variant=f"{n_views} views")

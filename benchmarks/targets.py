@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.compare import number
 from benchmarks.rows import Row
-from benchmarks.settings import LARGE, N_VIEWS, NOISE
+from benchmarks.settings import LARGE, MEGAPIXEL, N_VIEWS, NOISE
 
 LEVELS = ("must", "goal", "beyond")
 
@@ -148,6 +148,18 @@ TARGETS = (
         larger_is_better=True,
     ),
     Target(
+        "a megapixel, from the stack's file to the result's: seconds",
+        ("seconds",),
+        _is("palette", "growth", variant=MEGAPIXEL),
+        ((240.0,), (60.0,), (10.0,)),
+    ),
+    Target(
+        "its peak memory, MB",
+        ("peak_mb",),
+        _is("palette", "growth", variant=MEGAPIXEL),
+        ((4096.0,), (2048.0,)),
+    ),
+    Target(
         "near-field plane at 350 mm, noise-free: mean, deg",
         ("mean_deg",),
         _is("generic", "hard", variant="plane at 350 mm, noise-free"),
@@ -159,13 +171,20 @@ COVERAGE = {"68 %": ("coverage68", ((0.60, 0.76), (0.64, 0.72))), "95 %": ("cove
 """For each stated interval the figure, and the range for ``must`` and for ``goal``."""
 
 
-def judged(rows: list[Row]) -> Iterator[tuple[str, str, str, str]]:
+INTEGRATION = Target("integration of 4 megapixels, s", (), lambda _: False, ((0.15,), (0.08,)))
+"""Measured apart, since it is no row."""
+
+
+def judged(rows: list[Row], integration_seconds: float | None = None) -> Iterator[tuple[str, str, str, str]]:
     """Yield each target's name, its levels, what was measured and the verdict."""
     for target in TARGETS:
         values = target.measured(rows)
         scale = target.scale or (1.0,) * len(target.figures)
         levels = " · ".join(_numbers(limits, scale) for limits in target.limits)
         yield target.name, levels, _numbers(values, scale) if values else "-", target.verdict(values)
+    seconds = [] if integration_seconds is None else [integration_seconds]
+    levels = " · ".join(_numbers(limits, (1.0,)) for limits in INTEGRATION.limits)
+    yield INTEGRATION.name, levels, _numbers(seconds, (1.0,)) if seconds else "-", INTEGRATION.verdict(seconds)
     yield from _paired(rows)
     yield from _coverage(rows)
 

@@ -51,7 +51,7 @@ def test_methods_are_paired_with_the_reference_on_its_pixels(report: dict[str, A
 
 def test_what_must_hold_exactly_holds(report: dict[str, Any]) -> None:
     assert [check["name"] for check in report["checks"] if not check["passed"]] == []
-    assert len(report["checks"]) == 3
+    assert len(report["checks"]) == 4
 
 
 def test_a_report_says_on_what_and_with_what_it_was_taken(report: dict[str, Any]) -> None:
@@ -128,6 +128,12 @@ def test_a_target_says_what_is_met_and_what_is_missed() -> None:
     assert target.verdict([0.1, 0.1]) == "beyond met"
     assert target.verdict([]) == "not in this run"
     assert all(len(line) == 4 for line in judged([]))
+    assert (
+        "integration of 4 megapixels, s",
+        "0.15 · 0.08",
+        "0.1",
+        "must met, goal missed by a factor of 1.25",
+    ) in list(judged([], 0.1))
 
 
 @pytest.mark.parametrize(
