@@ -70,7 +70,7 @@ def choose(
     int
         The number of materials taken.
     """
-    _reduce(w, y, mixture)
+    _reduce(w, y, mixture.column, mixture.gram, mixture.right)
     gain, best = np.zeros(4), np.zeros((4, 3), np.int64)
     _best_sets(most, mixture, gain, best)
     m = 0
@@ -87,14 +87,13 @@ def choose(
 
 
 @fast_kernel
-def _reduce(w: Array, y: Array, mixture: Mixture) -> None:
-    """Products of all columns with each other and with the target."""
-    column, gram = mixture.column, mixture.gram
+def _reduce(w: Array, y: Array, column: Array, gram: Array, right: Array) -> None:
+    """Write the weighted products of all columns with each other and with the target."""
     for k in range(column.shape[0]):
-        right = 0.0
+        total = 0.0
         for row in range(w.shape[0]):
-            right += w[row] * column[k, row] * y[row]
-        mixture.right[k] = right
+            total += w[row] * column[k, row] * y[row]
+        right[k] = total
         for i in range(k + 1):
             total = 0.0
             for row in range(w.shape[0]):
@@ -142,21 +141,5 @@ def _best_sets(most: int, mixture: Mixture, gain: Array, best: NDArray[np.int64]
 @kernel
 def refit(w: Array, y: Array, m: int, active: Indices, a: Array, work: Work) -> int:
     """Weighted non-negative least squares on the active columns, which are in ``work.columns``; returns how many."""
-    _active_products(w, y, m, work)
+    _reduce(w, y, work.columns[:m], work.G, work.b)
     return solve_active(m, active, a, work.columns, work.G, work.b, work.L, work.x)
-
-
-@fast_kernel
-def _active_products(w: Array, y: Array, m: int, work: Work) -> None:
-    columns = work.columns
-    for j in range(m):
-        right = 0.0
-        for row in range(w.shape[0]):
-            right += w[row] * columns[j, row] * y[row]
-        work.b[j] = right
-        for i in range(j + 1):
-            total = 0.0
-            for row in range(w.shape[0]):
-                total += w[row] * columns[j, row] * columns[i, row]
-            work.G[j, i] = total
-            work.G[i, j] = total

@@ -113,6 +113,8 @@ def load(samples: Samples, geometry: Geometry, settings: Settings, p: int, px: P
             radiance = samples.radiance[v, p, ch]
             variance = samples.variance[v, p, ch]
             px.clipped[ch, v] = samples.saturated[v, p, ch]
+            # Until there is a model its bounds count as kept; the last pixel's must not be asked.
+            px.model[ch, v] = np.inf
             # A view to leave out has no gain.
             if math.isfinite(radiance * gain) and variance >= 0.0 and math.isfinite(variance):
                 px.y[ch, v] = radiance * gain
@@ -235,6 +237,17 @@ def median_chi2(px: Pixel) -> float:
             n_seen += 1
     # The median of chi-square with one degree of freedom is 0.455, with three 0.789 of the mean.
     return float(np.sort(seen[:n_seen])[n_seen // 2]) / 0.6 if n_seen > 0 else 1.0
+
+
+@kernel
+def judge_views(px: Pixel) -> tuple[int, int]:
+    """Count the views that say anything about the fit, bounds that are kept apart, and those beyond `OUTLIER`."""
+    chi2_of_views(px)
+    n_telling, n_wrong = 0, 0
+    for v in range(px.chi2.shape[0]):
+        n_telling += px.chi2[v] > 0.0
+        n_wrong += px.chi2[v] > OUTLIER
+    return n_telling, n_wrong
 
 
 @kernel

@@ -27,6 +27,7 @@ from analysis.pixel_samples import (
     Samples,
     Settings,
     allocate_pixel,
+    judge_views,
     load,
     median_chi2,
     plain_weights,
@@ -34,7 +35,7 @@ from analysis.pixel_samples import (
     robust_weights,
     usable,
 )
-from analysis.pixel_starts import assign, normalise, start, tangents
+from analysis.pixel_starts import N_LIKELY, N_STARTS, assign, normalise, start, tangents
 
 Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
@@ -45,6 +46,9 @@ _ENOUGH = 2.0  # scale of the residuals at which a start has shown what it is wo
 _SETTLED_SCALE = 0.9  # of the scale of the round before, above which another round would change little
 
 _FEW_VIEWS = 15
+# Where so many views are taken for wrong it is the normal that is: steep ones, and such whose highlight is clipped,
+# are missed by all likely starts. A pixel that fits none of the palette's materials is another matter.
+_MANY_WRONG = 0.2
 _GOOD_FIT = 1.5  # cost a view below which a start has found its minimum and the others are not tried
 _GOOD_SHARED_FIT = 1.2  # the same with a palette, which leaves less to the dictionary's error
 _SETTLED = 1e-3  # fall of the cost below which the step was the last: it moved the normal by 3 % of its sigma
@@ -107,16 +111,18 @@ def solve_pixels(
         if flags & (TOO_FEW_VIEWS | BLACK):
             _write_unsolved(p, flags, out)
             continue
-        best_cost, at_best, converged = np.inf, False, False
+        best_cost, best_wrong, at_best, converged = np.inf, 1.0, False, False
         # A normal that was found before is gone on from; the cold starts are for when there is none.
         warm = math.isfinite(geometry.start[p, 0])
         # Where few samples leave several normals open, a near-planar sample's is the one that flat leads to;
         # where many decide, a Lambertian fit is nearer to it.
         first_start = 0 if n_views < _FEW_VIEWS else 1
-        for kind in range(-1 if warm else 0, 3 if settings.cold or not warm else 0):
+        for kind in range(-1 if warm else 0, N_STARTS if settings.cold or not warm else 0):
+            if kind >= N_LIKELY and (settings.shared or best_wrong < _MANY_WRONG):
+                break
             if kind < 0:
                 assign(normal, geometry.start[p])
-            elif not start((kind + first_start) % 3, px, normal):
+            elif not start((kind + first_start) % N_LIKELY if kind < N_LIKELY else kind, px, normal):
                 continue
             plain_weights(px, settings)
             _begin(px, fit, settings, table, work, normal)
@@ -124,10 +130,11 @@ def solve_pixels(
             converged = _settle(px, fit, settings, table, derivative, work, normal, H, rounds, steps, enough)
             cost = robust_cost(px, settings, normal, OUTLIER)
             at_best = cost < best_cost
+            n_telling, n_wrong = judge_views(px)
             if at_best:
-                best_cost = cost
+                best_cost, best_wrong = cost, n_wrong / max(n_telling, 1)
                 assign(best, normal)
-            if cost < (_GOOD_SHARED_FIT if settings.shared else _GOOD_FIT) * n_views:
+            if cost < (_GOOD_SHARED_FIT if settings.shared else _GOOD_FIT) * n_telling:
                 break
         if not (settings.shared and at_best and converged):
             assign(normal, best)

@@ -14,15 +14,32 @@ from analysis.pixel_samples import Pixel, brightness
 Array = NDArray[np.float64]
 
 
+N_LIKELY = 3
+"""Starts that are nearly always enough: flat, trimmed Lambert, centroid of the highlight."""
+
+_RINGS = (math.radians(30.0), math.radians(55.0))
+_N_AROUND = 6
+
+N_STARTS = N_LIKELY + len(_RINGS) * _N_AROUND
+"""All of them, with those on rings about the flat one."""
+
+
 @kernel
 def start(kind: int, px: Pixel, normal: Array) -> bool:
-    """Write a normal to start from: flat, trimmed Lambert, centroid of the highlight; False if there is none."""
+    """Write a normal to start from, number `kind` of `N_STARTS`; False if there is none."""
     if kind == 1:
         return _start_trimmed(px, normal)
     if kind == 2:
         return _start_highlight(px, normal)
     normal[:] = 0.0
     normal[2] = 1.0
+    if kind >= N_LIKELY:
+        ring, place = divmod(kind - N_LIKELY, _N_AROUND)
+        # The second ring's starts stand between the first one's.
+        azimuth = 2.0 * math.pi * (place + 0.5 * ring) / _N_AROUND
+        normal[0] = math.sin(_RINGS[ring]) * math.cos(azimuth)
+        normal[1] = math.sin(_RINGS[ring]) * math.sin(azimuth)
+        normal[2] = math.cos(_RINGS[ring])
     return True
 
 

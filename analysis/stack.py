@@ -318,8 +318,10 @@ def _read(file: Any) -> Stack:
 
 def _stays_on_disk(datasets: list[Any]) -> bool:
     """Tell whether pictures are large, and lie in their file so that a part can be read without the rest."""
-    # A compressed chunk must be unpacked as a whole, again for every tile.
-    plain = all(dataset.id.get_create_plist().get_nfilters() == 0 for dataset in datasets)
+    # A compressed chunk must be unpacked as a whole, again for every tile, and one of many views for every view.
+    plain = all(
+        d.id.get_create_plist().get_nfilters() == 0 and (d.chunks is None or d.chunks[0] == 1) for d in datasets
+    )
     return plain and sum(np.prod(d.shape, dtype=np.float64) * d.dtype.itemsize for d in datasets) > IN_MEMORY_BYTES
 
 

@@ -10,6 +10,7 @@ from analysis.pixel_fits import PixelFits
 from analysis.pixel_samples import BLACK, CLIPPED, POOR_FIT, TOO_FEW_VIEWS
 from analysis.reflectance import Cosines
 from analysis.stack import Stack
+from benchmarks.scenes import independent
 from tests.analysis.conftest import NOISE, solve
 from tests.synthetic import make_stack
 
@@ -186,6 +187,29 @@ def test_a_bound_is_better_than_a_value_that_is_not_true(clipped: Stack):
     believed = solve(replace(clipped, saturated=None))
     glossy = clipped.truth.material.ravel() > 0
     assert error_deg(solve(clipped), clipped)[glossy].mean() < 0.5 * error_deg(believed, clipped)[glossy].mean()
+
+
+def test_a_part_of_clipped_pixels_gives_the_same_bits_as_all(clipped: Stack):
+    pixels = np.arange(7, 576, 5)
+    np.testing.assert_array_equal(solve(clipped, pixels).normals, solve(clipped).normals[pixels])
+
+
+def test_a_pixel_of_which_most_views_are_clipped_is_told_from_the_others():
+    scene = independent(300, 65, 0.01, 5)
+    radiance = scene.stack.radiance
+    bound = np.quantile(radiance, 0.3, axis=0)
+    stack = replace(
+        scene.stack, radiance=np.minimum(radiance, bound), saturated=(radiance > bound).astype(np.uint8)
+    ).without_view(3)
+    error = angular_error_deg(solve(stack).normals, scene.normals)
+    assert np.median(error) < 0.5
+    assert np.mean(error > 5.0) < 0.03
+
+
+def test_steep_normals_are_found_though_no_likely_start_leads_there():
+    scene = independent(300, 65, 0.02, 5, narrowest_normal_deg=45.0, widest_normal_deg=65.0)
+    error = angular_error_deg(solve(scene.stack).normals, scene.normals)
+    assert np.mean(error > 5.0) < 0.01
 
 
 def test_a_pixel_clipped_in_every_view_is_flagged_and_has_no_normal(stack: Stack):
