@@ -16,7 +16,14 @@ from analysis.stack import write_stack
 from benchmarks.methods import Estimate
 from benchmarks.scenes import Scene
 
-COMMAND = (sys.executable, "-c", "from cli.main import main; main()", "reconstruct", "--quiet")
+_PROGRAM = """
+import atexit
+from analysis.stages import peak_memory_mb
+from cli.main import main
+atexit.register(lambda: print(peak_memory_mb()))
+main()
+"""
+COMMAND = (sys.executable, "-c", _PROGRAM, "reconstruct", "--quiet")
 
 
 def file_to_file(scene: Scene) -> Estimate:
@@ -45,24 +52,17 @@ def file_to_file(scene: Scene) -> Estimate:
 
 
 def timed(command: list[str]) -> tuple[float, float, float]:
-    """Run a command; return seconds, seconds of processor time and its peak memory, MB (the last two NaN on Windows).
+    """Run a command whose last line of output is its peak memory; return seconds, processor seconds and the peak, MB.
 
     Raises
     ------
     RuntimeError
         If it does not exit with 0.
     """
-    begin = time.perf_counter()
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-    if not hasattr(os, "wait4"):
-        process.wait()
-        cpu_seconds, peak_mb = float("nan"), float("nan")
-    else:
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        # Linux counts in KiB, macOS in bytes.
-        peak_mb = usage.ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
-        cpu_seconds = usage.ru_utime + usage.ru_stime
-    if process.returncode != 0:
-        raise RuntimeError(f"the command exited with {process.returncode}: {' '.join(command)}")
-    return time.perf_counter() - begin, cpu_seconds, peak_mb
+    begin, before = time.perf_counter(), os.times()
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
+    seconds, after = time.perf_counter() - begin, os.times()
+    if done.returncode != 0:
+        raise RuntimeError(f"the command exited with {done.returncode}: {' '.join(command)}")
+    cpu_seconds = sum(after[2:4]) - sum(before[2:4])  # of children, in the user's name and the system's
+    return seconds, cpu_seconds, float(done.stdout.split()[-1])

@@ -24,3 +24,9 @@ def test_what_the_command_writes_is_read_back_and_measured() -> None:
 def test_a_command_that_fails_is_no_measurement() -> None:
     with pytest.raises(RuntimeError, match="exited with 3"):
         timed([sys.executable, "-c", "import sys; sys.exit(3)"])
+
+
+def test_the_peak_is_that_of_the_command_and_not_of_whoever_runs_it() -> None:
+    ballast = np.ones(60_000_000)
+    program = "from analysis.stages import peak_memory_mb; print(peak_memory_mb())"
+    assert timed([sys.executable, "-c", program])[2] < 300.0 < ballast.nbytes / 1e6
