@@ -59,6 +59,7 @@ _POOR_FIT = 25.0  # chi-square per degree of freedom: residuals of five times th
 # A misfit that is seen stands for one that is not: a wrong curve's slope turns the normal more than it shows in the
 # residuals. Chosen by the coverage over views and noise (decision 4).
 _MISFIT_SEEN = 1.05
+_CUBED_TO = 2.0  # a fit that is worse than that is no curve's fault alone; its residuals say how bad it is
 
 
 class Solution(NamedTuple):
@@ -312,7 +313,8 @@ def _write(p: int, flags: int, px: Pixel, fit: Fit, settings: Settings, normal: 
         # No direction of the tangent plane changes the fit: the normal is a guess, and says so.
         _write_unsolved(p, flags | BLACK, out)
         return
-    widening = max(1.0, _MISFIT_SEEN * total / dof) ** 3 / determinant
+    misfit = max(1.0, _MISFIT_SEEN * total / dof)
+    widening = min(misfit**3, _CUBED_TO**2 * misfit) / determinant
     out.covariance[p, 0] = H[1, 1] * widening
     out.covariance[p, 1] = -H[0, 1] * widening
     out.covariance[p, 2] = H[0, 0] * widening
