@@ -11,6 +11,7 @@ from analysis.dictionary import Atom, Dictionary
 from analysis.fitting import PixelProblem, samples_of
 from analysis.metrics import psnr_db, relative_rms
 from analysis.pixel_fits import PixelFits
+from analysis.pixel_samples import Samples
 from analysis.reconstruction import Reconstruction
 from analysis.reflectance import Cosines
 from analysis.scene_palette import solve_scene, with_curves_refined
@@ -80,19 +81,19 @@ def leave_out(
         Flat indices into the area.
     """
     glossy = glossy_pixels(reconstruction.fits)[pixels]
-    return tuple(_leave_one(reconstruction, int(view), pixels, glossy) for view in views)
+    samples = samples_of(reconstruction.stack, pixels)
+    return tuple(_leave_one(reconstruction, int(view), pixels, samples, glossy) for view in views)
 
 
 def _leave_one(
-    reconstruction: Reconstruction, view: int, pixels: NDArray[np.int64], glossy: NDArray[np.bool_]
+    reconstruction: Reconstruction, view: int, pixels: NDArray[np.int64], samples: Samples, glossy: NDArray[np.bool_]
 ) -> LeftOutView:
     stack, noise = reconstruction.stack, reconstruction.noise
-    samples = samples_of(stack, pixels)
     measured = np.where(samples.saturated[view] > 0, np.nan, samples.radiance[view].astype(np.float64))
     fewer = stack.without_view(view)
     ours = _predict(reconstruction, _fits_without(reconstruction, fewer, pixels), view, pixels)
     # Plain least squares for the rival: a robust one would give up the highlights at once.
-    rival = PixelProblem(fewer, LAMBERT, pixels, reconstruction.depth).solve(noise, robust=False)
+    rival = PixelProblem(fewer, LAMBERT, pixels, reconstruction.depth, samples).solve(noise, robust=False)
     lambert = _predict(reconstruction, rival, view, pixels)
     common = np.isfinite(ours) & np.isfinite(lambert) & np.isfinite(measured)
     measured = np.where(common, measured, np.nan)
