@@ -18,8 +18,8 @@ from analysis import dictionary as dictionaries
 from analysis.boards import BoardCorners, border_points, detect_corners, detection_image, white_points
 from analysis.camera_calibration import CameraCalibration, calibrate_camera, usable_views
 from analysis.fitting import estimate_noise
-from analysis.hdr import Radiance, Sensor, clipping_level, merge_bracket
 from analysis.light_calibration import LightOffset, estimate_light_offset, light_position
+from analysis.merged_frames import MergedFrames
 from analysis.photometry import Photometry, WhiteSamples, fit_photometry
 from analysis.rectification import Grid, Rectified, View, rectify
 from analysis.stack import Stack
@@ -81,42 +81,6 @@ class Calibration:
             "lobe_exponent": self.photometry.lobe_exponent,
             "white_rms": self.photometry.rms,
         }
-
-
-class MergedFrames:
-    """Merged pictures of the complete poses of a session, made when asked for.
-
-    Parameters
-    ----------
-    session : Session
-
-    Raises
-    ------
-    InvalidInputError
-        If no pose is complete.
-    """
-
-    def __init__(self, session: Session) -> None:
-        self.session = session
-        self.i_pose = np.flatnonzero(session.pose_complete)
-        if len(self.i_pose) == 0:
-            problem = Problem("/entry/journal/pose_complete", "no pose is complete; go on with `halfangle resume`")
-            raise InvalidInputError(f"{session.path} cannot be calibrated.", [problem])
-        camera = session.camera
-        longest = int(np.argmax(session.exposure_times))
-        level = clipping_level(session.frame(int(self.i_pose[0]), longest), camera.saturation_value)
-        self.sensor = Sensor(level, camera.conversion_gain, camera.read_noise)
-        self.bayer_pattern = camera.bayer_pattern
-        self.image_size = (camera.width, camera.height)
-        dark = session.dark
-        shape = (len(session.exposure_times), camera.height, camera.width)
-        self._dark = np.full(shape, camera.black_level, np.float32) if dark is None else dark
-
-    def merge(self, i_pose: int) -> Radiance:
-        """Merge the bracket of one pose; frames that are not valid are left out."""
-        keep = self.session.frame_ok[i_pose]
-        times = self.session.exposure_readback[i_pose]
-        return merge_bracket(self.session.frames(i_pose)[keep], times[keep], self._dark[keep], self.sensor)
 
 
 def register(session: Session, pitch: float | None = None, stages: Stages | None = None) -> tuple[Stack, Calibration]:
