@@ -1,15 +1,23 @@
-"""Intrinsics of the camera and its pose in every view, from the corners of the marker boards."""
+"""Intrinsics of the camera, its pose in every view and the boards' places, from the corners of the boards.
+
+The lens model is the smallest that the corners support: a group of unknowns that lies within
+sqrt(k ln n) of nothing, in units of its own covariance, is taken out again [schwarz1978]. So are the
+places of the boards, if the layout of the rig file explains the corners as well.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.board_layout import BoardLayout
 from analysis.boards import BoardCorners
+from analysis.bundle import Bundle, CornerNoise, Freedom, State, adjust, drop, own_variance
+from analysis.lens import LENS_NAMES, Lens
 from instrument.validation import InvalidInputError, Problem
 
 Array = NDArray[np.float64]
@@ -18,8 +26,30 @@ MIN_CORNERS = 8
 """Fewest corners of a view that is used: a pose has six unknowns, and a few must be left to judge it by."""
 
 MIN_VIEWS = 4
-OUTLIER = 5.0
-"""A corner whose residual exceeds this many times the typical one is left out."""
+OUTLIER = 6.0
+"""A corner whose residual exceeds this many sigmas is left out."""
+
+# What may be taken out of the lens model, as one, and what has to be out before.
+_GROUPS = ((("k3",), ""), (("k2",), "k3"), (("k1",), "k2"), (("p1", "p2"), ""), (("aspect",), ""))
+
+
+@dataclass(frozen=True, slots=True)
+class CornerOutlier:
+    """A corner that was left out.
+
+    Attributes
+    ----------
+    view, board : int
+    point : tuple of float
+        Pixels.
+    residual : tuple of float
+        Found minus predicted, pixels.
+    """
+
+    view: int
+    board: int
+    point: tuple[float, float]
+    residual: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,40 +58,66 @@ class CameraCalibration:
 
     Attributes
     ----------
-    camera_matrix : ndarray, shape (3, 3)
-        Pixels.
-    distortion : ndarray, shape (5,)
-        k1, k2, p1, p2, k3 of OpenCV's model.
-    intrinsics_sigma : dict
-        One standard deviation of fx, fy, cx, cy, k1, k2, p1, p2.
-    rotation : ndarray, shape (n_views, 3, 3)
-        Sample to camera.
-    translation : ndarray, shape (n_views, 3)
-        Sample to camera, mm.
-    position_sigma : ndarray, shape (n_views, 3)
-        One standard deviation of the translation, mm.
-    residuals : tuple of ndarray, each of shape (n_corners, 2)
-        Found minus predicted corners of each view, pixels.
-    rms : float
-        Root mean square of the residuals' lengths, pixels.
-    n_outliers : int
-        Corners left out.
+    bundle : Bundle
+        The solution: lens, poses, boards, residuals and covariances.
+    corners : tuple of BoardCorners
+        Those it rests on, one set a view.
+    outliers : tuple of CornerOutlier
+        Those left out.
+    halves_z : dict
+        For each free unknown of the lens: difference between the calibrations of every second view, over its
+        predicted sigma. Empty with too few views.
     """
 
-    camera_matrix: Array
-    distortion: Array
-    intrinsics_sigma: dict[str, float]
-    rotation: Array
-    translation: Array
-    position_sigma: Array
-    residuals: tuple[Array, ...]
-    rms: float
-    n_outliers: int
+    bundle: Bundle
+    corners: tuple[BoardCorners, ...]
+    outliers: tuple[CornerOutlier, ...]
+    halves_z: dict[str, float]
+
+    @property
+    def camera_matrix(self) -> Array:
+        """OpenCV's matrix, shape (3, 3), pixels."""
+        return self.bundle.state.lens.camera_matrix
+
+    @property
+    def distortion(self) -> Array:
+        """k1, k2, p1, p2, k3 of OpenCV's model."""
+        return self.bundle.state.lens.distortion
+
+    @property
+    def intrinsics_sigma(self) -> dict[str, float]:
+        """One standard deviation of each free unknown: f, aspect, cx, cy, k1, k2, p1, p2, k3."""
+        return self.bundle.lens_sigma
+
+    @property
+    def rotation(self) -> Array:
+        """Sample to camera, shape (n_views, 3, 3)."""
+        return self.bundle.state.rotation
+
+    @property
+    def translation(self) -> Array:
+        """Sample to camera, mm, shape (n_views, 3)."""
+        return self.bundle.state.translation
 
     @property
     def camera_position(self) -> Array:
         """Centre of projection of each view in the sample frame, mm, shape (n_views, 3)."""
         return np.asarray(-np.einsum("nji,nj->ni", self.rotation, self.translation))
+
+    @property
+    def residuals(self) -> tuple[Array, ...]:
+        """Found minus predicted corners of each view, pixels, each of shape (n_corners, 2)."""
+        return self.bundle.residuals
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residuals' lengths, pixels."""
+        return float(np.sqrt(np.mean(np.concatenate([np.sum(r**2, axis=1) for r in self.residuals]))))
+
+    @property
+    def view_rms(self) -> Array:
+        """The same for each view, shape (n_views,)."""
+        return np.array([np.sqrt(np.mean(np.sum(r**2, axis=1))) for r in self.residuals])
 
 
 def usable_views(corners: Sequence[BoardCorners]) -> NDArray[np.bool_]:
@@ -70,12 +126,13 @@ def usable_views(corners: Sequence[BoardCorners]) -> NDArray[np.bool_]:
 
 
 def calibrate_camera(
-    corners: Sequence[BoardCorners], image_size: tuple[int, int], focal_length_px: float
+    corners: Sequence[BoardCorners],
+    image_size: tuple[int, int],
+    layout: BoardLayout,
+    focal_length_px: float | None = None,
+    known: Lens | None = None,
 ) -> CameraCalibration:
-    """Find intrinsics and poses that best explain the corners, outliers left out, all jointly.
-
-    Levenberg-Marquardt of OpenCV on the squared reprojection error [zhang2000]; k3 stays zero, since
-    free it lets the principal point wander at the fields of view used here.
+    """Find lens, poses and board places that best explain the corners, outliers left out, all jointly.
 
     Parameters
     ----------
@@ -83,59 +140,223 @@ def calibrate_camera(
         One a view, each with at least `MIN_CORNERS`.
     image_size : (int, int)
         Width, height.
-    focal_length_px : float
-        To start from.
+    layout : BoardLayout
+        Where the boards were to lie.
+    focal_length_px : float or None
+        To start from; None = found from the corners.
+    known : Lens or None
+        Intrinsics that are known and are not adjusted.
 
     Raises
     ------
     InvalidInputError
         If there are too few views.
     """
-    if len(corners) < MIN_VIEWS:
+    if len(corners) < (1 if known else MIN_VIEWS):
         problem = Problem(
             "boards",
             f"{len(corners)} views show at least {MIN_CORNERS} board corners; at least {MIN_VIEWS} are needed. "
             "Check the boards in the rig file against the printed ones, focus and exposure.",
         )
         raise InvalidInputError("The camera cannot be calibrated.", [problem])
-    solution = _solve(corners, image_size, focal_length_px)
-    lengths = np.concatenate([np.linalg.norm(r, axis=1) for r in solution.residuals])
-    limit = OUTLIER * max(float(np.median(lengths)), 1e-3)
-    kept = [c.select(np.linalg.norm(r, axis=1) <= limit) for c, r in zip(corners, solution.residuals, strict=True)]
-    n_outliers = int(np.count_nonzero(lengths > limit))
-    if n_outliers == 0 or not usable_views(kept).all():
-        return solution
-    return _solve(kept, image_size, focal_length_px, n_outliers)
+    lens = known or _first_lens(corners, image_size, layout, focal_length_px)
+    start = first_state(corners, lens, layout)
+    free = Freedom(() if known else _supported_by(len(corners)), _to_measure(layout))
+    kept, bundle = _without_outliers(corners, adjust(corners, start, free))
+    bundle = _smallest(kept, bundle)
+    return CameraCalibration(bundle, kept, _outliers(corners, bundle), _halves(kept, bundle))
 
 
-def _solve(
-    corners: Sequence[BoardCorners], image_size: tuple[int, int], focal_length_px: float, n_outliers: int = 0
-) -> CameraCalibration:
+def _to_measure(layout: BoardLayout) -> NDArray[np.bool_]:
+    """Tell which boards' places are unknown; where none is known, the first is where it is."""
+    unknown = ~layout.placed
+    if unknown.all():
+        unknown[:1] = False
+    return unknown
+
+
+def _supported_by(n_views: int) -> tuple[str, ...]:
+    """Few views do not hold the weaker unknowns of the lens at all."""
+    return LENS_NAMES if n_views >= 8 else ("f", "cx", "cy", "k1")
+
+
+def _first_lens(
+    corners: Sequence[BoardCorners], image_size: tuple[int, int], layout: BoardLayout, focal_length_px: float | None
+) -> Lens:
     width, height = image_size
-    guess = np.array(
-        [[focal_length_px, 0, (width - 1) / 2], [0, focal_length_px, (height - 1) / 2], [0, 0, 1]], np.float64
+    centre = np.array([(width - 1) / 2, (height - 1) / 2])
+    f = focal_length_px or _focal_length(corners, image_size, layout)
+    return Lens.of(np.array([[f, 0.0, centre[0]], [0.0, f, centre[1]], [0.0, 0.0, 1.0]]), np.zeros(5))
+
+
+def _focal_length(corners: Sequence[BoardCorners], image_size: tuple[int, int], layout: BoardLayout) -> float:
+    """Return a focal length in pixels from the homographies of single boards [zhang2000]."""
+    on_board, in_picture = [], []
+    for c in corners:
+        board = layout.board[c.corner]
+        of = board == np.bincount(board).argmax()
+        on_board.append(np.pad(layout.arm[c.corner[of]], ((0, 0), (0, 1))).astype(np.float32))
+        in_picture.append(c.image_points[of].astype(np.float32))
+    matrix = cv2.initCameraMatrix2D(on_board, in_picture, image_size, 1.0)
+    f = float(matrix[1, 1])
+    return f if np.isfinite(f) and f > 0.0 else float(max(image_size))
+
+
+def first_state(corners: Sequence[BoardCorners], lens: Lens, layout: BoardLayout) -> State:
+    """Return poses of the views from the boards whose places are known, and places of those that are not.
+
+    Raises
+    ------
+    InvalidInputError
+        If a board without a place is never seen with one that has, or is the only one in a view.
+    """
+    placed = layout
+    if not layout.placed.any() and len(layout.placed):
+        # Any place will do for the first: the sample's frame is then that board's.
+        position = layout.position.copy()
+        position[0] = 0.0
+        placed = replace(layout, position=position)
+    poses: dict[int, tuple[Array, Array]] = {}
+    while True:
+        for v, c in enumerate(corners):
+            if v not in poses and np.count_nonzero(placed.placed[placed.board[c.corner]]) >= 4:
+                poses[v] = _pose(c, lens, placed)
+        grown = _place_next(corners, lens, placed, poses)
+        if grown is None:
+            break
+        placed = grown
+    if len(poses) < len(corners):
+        lost = sorted(set(range(len(corners))) - set(poses))
+        problem = Problem(
+            "boards",
+            f"views {', '.join(map(str, lost))} show only boards whose place is to be measured and that no view shows "
+            "together with another one; state corner_mm, or add pictures that show both.",
+        )
+        raise InvalidInputError("The boards cannot be placed.", [problem])
+    order = range(len(corners))
+    return State(lens, placed, np.stack([poses[v][0] for v in order]), np.stack([poses[v][1] for v in order]))
+
+
+def _pose(corners: BoardCorners, lens: Lens, layout: BoardLayout) -> tuple[Array, Array]:
+    """Return rotation and translation, sample to camera."""
+    on = layout.placed[layout.board[corners.corner]]
+    points = layout.points(corners.corner[on])
+    # The plane's own frame keeps the solver away from the half turn between the sample's and the camera's axes.
+    flip = np.diag([1.0, -1.0, -1.0])
+    _, turn, shift = cv2.solvePnP(
+        points @ flip, corners.image_points[on], lens.camera_matrix, lens.distortion, flags=cv2.SOLVEPNP_IPPE
     )
-    rms, matrix, distortion, rvecs, tvecs, sigma_in, sigma_ex, _ = cv2.calibrateCameraExtended(
-        [c.object_points.astype(np.float32) for c in corners],
-        [c.image_points.astype(np.float32) for c in corners],
-        image_size,
-        guess,
-        np.zeros(5),
-        flags=cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_FIX_K3,
+    _, turn, shift = cv2.solvePnP(
+        points @ flip, corners.image_points[on], lens.camera_matrix, lens.distortion, turn, shift, True
     )
-    residuals = tuple(
-        c.image_points - cv2.projectPoints(c.object_points, r, t, matrix, distortion)[0].reshape(-1, 2)
-        for c, r, t in zip(corners, rvecs, tvecs, strict=True)
-    )
-    names = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")
-    return CameraCalibration(
-        camera_matrix=np.asarray(matrix, np.float64),
-        distortion=np.asarray(distortion, np.float64).ravel()[:5],
-        intrinsics_sigma={n: float(s) for n, s in zip(names, np.ravel(sigma_in), strict=False)},
-        rotation=np.stack([cv2.Rodrigues(r)[0] for r in rvecs]),
-        translation=np.stack([np.ravel(t) for t in tvecs]),
-        position_sigma=np.asarray(sigma_ex, np.float64).reshape(len(corners), 6)[:, 3:],
-        residuals=residuals,
-        rms=float(rms),
-        n_outliers=n_outliers,
-    )
+    return np.asarray(cv2.Rodrigues(turn)[0] @ flip, np.float64), np.asarray(np.ravel(shift), np.float64)
+
+
+def _place_next(
+    corners: Sequence[BoardCorners], lens: Lens, layout: BoardLayout, poses: dict[int, tuple[Array, Array]]
+) -> BoardLayout | None:
+    """Place one more board, from the view with a known pose that shows most of it; None if there is none."""
+    best, at = 3, (-1, -1)
+    for v in poses:
+        counts = np.bincount(layout.board[corners[v].corner], minlength=len(layout.placed)) * ~layout.placed
+        if counts.max(initial=0) > best:
+            best, at = int(counts.max()), (v, int(counts.argmax()))
+    v, b = at
+    if v < 0:
+        return None
+    alone = replace(layout, position=np.where(np.arange(len(layout.placed))[:, None] == b, 0.0, np.nan))
+    of = corners[v].select(layout.board[corners[v].corner] == b)
+    R, t = _pose(of, lens, alone)
+    R_v, t_v = poses[v]
+    position, rotation = layout.position.copy(), layout.rotation.copy()
+    position[b] = R_v.T @ (t - t_v)
+    rotation[b] = R_v.T @ R @ layout.rotation[b]
+    return replace(layout, rotation=rotation, position=position)
+
+
+def _without_outliers(corners: Sequence[BoardCorners], bundle: Bundle) -> tuple[tuple[BoardCorners, ...], Bundle]:
+    """Leave out what does not fit, and solve again, until nothing is left out."""
+    kept = tuple(corners)
+    for _ in range(5):
+        fits = [_normalised(c, r, bundle.noise) <= OUTLIER for c, r in zip(kept, bundle.residuals, strict=True)]
+        if all(f.all() for f in fits) or any(f.sum() < MIN_CORNERS for f in fits):
+            break
+        kept = tuple(c.select(f) for c, f in zip(kept, fits, strict=True))
+        bundle = adjust(kept, bundle.state, bundle.freedom)
+    return kept, bundle
+
+
+def _normalised(corners: BoardCorners, residual: Array, noise: CornerNoise) -> Array:
+    """Return the residuals' lengths over the sigma that is taken for each corner."""
+    return np.asarray(np.linalg.norm(residual, axis=1) / np.sqrt(own_variance(corners) + noise.floor**2))
+
+
+def _smallest(corners: Sequence[BoardCorners], bundle: Bundle) -> Bundle:
+    """Take out what the corners do not need, the least needed first; then free the boards if they ask for it."""
+    while True:
+        free = bundle.freedom.lens
+        groups = [group for group, before in _GROUPS if group[0] in free and before not in free]
+        evidence = [(group, _evidence(bundle, group)) for group in groups]
+        n = 2 * sum(len(c) for c in corners)
+        weakest = min(evidence, key=lambda e: e[1] / len(e[0]), default=None)
+        if weakest is None or weakest[1] > len(weakest[0]) * np.log(n):
+            break
+        bundle = adjust(corners, *drop(bundle, weakest[0]))
+    return _boards_if_needed(corners, bundle)
+
+
+def _evidence(bundle: Bundle, group: tuple[str, ...]) -> float:
+    """Return how far a group of unknowns lies from nothing: x' C^-1 x."""
+    at = [bundle.freedom.lens.index(name) for name in group]
+    x = bundle.state.lens.values[[LENS_NAMES.index(name) for name in group]]
+    x = x - np.array([1.0 if name == "aspect" else 0.0 for name in group])
+    return float(x @ np.linalg.solve(bundle.covariance[np.ix_(at, at)], x))
+
+
+def _boards_if_needed(corners: Sequence[BoardCorners], bundle: Bundle) -> Bundle:
+    """Let the boards move against each other, if that takes off more than it costs [schwarz1978]."""
+    n_boards = len(bundle.freedom.boards)
+    if n_boards < 2 or bundle.freedom.boards.any():
+        return bundle
+    freer = adjust(corners, bundle.state, replace(bundle.freedom, boards=np.ones(n_boards, bool)))
+    # On one scale of noise, that of the freer model, the displacements of the print included.
+    gain = _chi2(corners, bundle, freer.noise) - _chi2(corners, freer, freer.noise)
+    n = 2 * sum(len(c) for c in corners)
+    return freer if gain > 6 * (n_boards - 1) * np.log(n) else bundle
+
+
+def _chi2(corners: Sequence[BoardCorners], bundle: Bundle, noise: CornerNoise) -> float:
+    of_print = np.sum(bundle.state.layout.displacement**2) / noise.print_sigma**2
+    lengths = (_normalised(c, r, noise) for c, r in zip(corners, bundle.residuals, strict=True))
+    return float(of_print + sum(np.sum(length**2) for length in lengths))
+
+
+def _outliers(corners: Sequence[BoardCorners], bundle: Bundle) -> tuple[CornerOutlier, ...]:
+    found = []
+    for v, c in enumerate(corners):
+        in_sample = bundle.state.layout.points(c.corner)
+        in_camera = in_sample @ bundle.state.rotation[v].T + bundle.state.translation[v]
+        residual = c.image_points - bundle.state.lens.project(in_camera)[0]
+        for k in np.flatnonzero(_normalised(c, residual, bundle.noise) > OUTLIER):
+            (x, y), (dx, dy) = c.image_points[k].tolist(), residual[k].tolist()
+            found.append(CornerOutlier(v, int(bundle.state.layout.board[c.corner[k]]), (x, y), (dx, dy)))
+    return tuple(found)
+
+
+def _halves(corners: Sequence[BoardCorners], bundle: Bundle) -> dict[str, float]:
+    """Calibrate every second view by itself: differences over their predicted sigmas."""
+    if len(corners) < 2 * MIN_VIEWS or not bundle.freedom.lens:
+        return {}
+    held = Freedom(bundle.freedom.lens, np.zeros_like(bundle.freedom.boards))
+    halves = []
+    for first in (0, 1):
+        of = np.arange(first, len(corners), 2)
+        start = replace(bundle.state, rotation=bundle.state.rotation[of], translation=bundle.state.translation[of])
+        halves.append(adjust([corners[int(v)] for v in of], start, held, bundle.noise))
+    a, b = halves
+    z = {}
+    for name in bundle.freedom.lens:
+        at = LENS_NAMES.index(name)
+        sigma = np.hypot(a.lens_sigma[name], b.lens_sigma[name])
+        z[name] = float((a.state.lens.values[at] - b.state.lens.values[at]) / sigma)
+    return z

@@ -63,6 +63,8 @@ class Photometry:
     ----------
     light_power : ndarray, shape (n_views,)
         Such that the boards' white has the BRDF 1 / pi.
+    light_power_sigma : ndarray, shape (n_views,)
+        One standard deviation of each view's power relative to the mean power of all, as a share of it.
     vignetting : tuple of float
         a, b per `radius` squared and to the fourth.
     gradient : tuple of float
@@ -76,6 +78,7 @@ class Photometry:
     """
 
     light_power: Array
+    light_power_sigma: Array
     vignetting: tuple[float, float]
     gradient: tuple[float, float]
     lobe_exponent: float
@@ -146,10 +149,13 @@ def fit_photometry(
             [_GRADIENT_SIGMA, _GRADIENT_SIGMA, np.inf, np.inf, _LOBE_SIGMA, _WHITE_SIGMA, _WHITE_SIGMA],
         ]
     )
-    x, residual = _robust_ridge(A, y, sigma)
+    x, residual, weight = _robust_ridge(A, y, sigma)
+    quadrant = 2 * (samples.point[:, 0] > 0.0) + (samples.point[:, 1] > 0.0)
+    covariance = _covariance(A, residual, weight, sigma, 4 * samples.view + quadrant)
     g_x, g_y, a, b, m = x[-7:-2]
     return Photometry(
         light_power=np.pi * np.exp(x[0] + x[1 : 1 + n_views]),
+        light_power_sigma=_relative_sigma(covariance[1 : 1 + n_views, 1 : 1 + n_views]),
         vignetting=(float(a), float(b)),
         gradient=(float(g_x), float(g_y)),
         lobe_exponent=float(m),
@@ -159,8 +165,15 @@ def fit_photometry(
     )
 
 
-def _robust_ridge(A: Array, y: Array, sigma: Array) -> tuple[Array, Array]:
-    """Least squares with Huber's weights [huber1964] and Gaussian priors of mean 0; returns x and y - A x."""
+def _relative_sigma(covariance: Array) -> Array:
+    """Return the standard deviation of each value less the mean of all."""
+    n = len(covariance)
+    centred = np.eye(n) - 1.0 / n
+    return np.asarray(np.sqrt(np.diag(centred @ covariance @ centred)))
+
+
+def _robust_ridge(A: Array, y: Array, sigma: Array) -> tuple[Array, Array, Array]:
+    """Least squares with Huber's weights [huber1964] and Gaussian priors of mean 0; returns x, y - A x, weights."""
     prior = 1.0 / sigma**2
     weight = np.ones(len(y))
     noise = 0.01
@@ -172,4 +185,18 @@ def _robust_ridge(A: Array, y: Array, sigma: Array) -> tuple[Array, Array]:
         residual = y - A @ x
         noise = max(1.4826 * float(np.median(np.abs(residual))), 1e-6)
         weight = 1.0 / np.maximum(np.abs(residual) / (_HUBER * noise), 1.0)
-    return x, residual
+    return x, residual, weight
+
+
+def _covariance(A: Array, residual: Array, weight: Array, sigma: Array, block: NDArray[np.int64]) -> Array:
+    """Return the covariance of x from the scatter of whole blocks of samples [huber1967].
+
+    White paper is not even: neighbours in one picture are off together, and the scatter of single samples
+    would promise too much.
+    """
+    noise = max(1.4826 * float(np.median(np.abs(residual))), 1e-6)
+    normal = A.T @ (A * weight[:, None]) / noise**2 + np.diag(1.0 / sigma**2) + 1e-9 * np.eye(A.shape[1])
+    pull = np.zeros((int(block.max()) + 1, A.shape[1]))
+    np.add.at(pull, block, A * (weight * residual)[:, None] / noise**2)
+    inverse = np.linalg.inv(normal)
+    return np.asarray(inverse @ (pull.T @ pull) @ inverse)

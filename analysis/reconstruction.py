@@ -22,6 +22,7 @@ from analysis.effects import (
 from analysis.fitting import Noise, PixelProblem, estimate_noise, tiles
 from analysis.identifiability import view_problems
 from analysis.integration import depth_sigma, integrate_normals
+from analysis.gross_shape import NO_SHAPE, gross_shape, shape_choice
 from analysis.light_calibration import LightOffset
 from analysis.palette_brdf import MaterialBrdfs
 from analysis.pixel_fits import PixelFits, joined
@@ -159,6 +160,7 @@ class _Run:
         self.follow = False
         self.depth = np.full(stack.grid.points().shape[:2], np.nan)
         self.new_depth: Array | None = None
+        self.shape = NO_SHAPE
         stack, field_choice = choose_field(stack, options.field)
         with stages.measure("noise and light"):
             stack, self.light_choice, self.light_offset = choose_light(stack, self.dictionary, options.light, self.rng)
@@ -202,6 +204,7 @@ class _Run:
                     self.stack, self.depth, self.dictionary, self.noise, self.options.parallax, self.rng
                 )
                 self.effects.append(choice)
+            self._tie_to_plane()
             self.fitted = self._following()
         if first and light_is_uncertain(self.stack, self.options.light):
             with self.stages.measure("noise and light"):
@@ -214,6 +217,14 @@ class _Run:
                 self.scene = relearn(self.scene, self.fitted, self.noise, self.depth)
                 self.noise = self.scene.noise(self.fitted, self.noise, self.depth)
         self.solve(self.depth)
+
+    def _tie_to_plane(self) -> None:
+        """Correct the depth's level, tilt and bowl by what the parallax between the views says of them."""
+        if not self.follow:
+            return
+        flat = self.depth - self.shape.depth(self.stack)
+        self.shape = gross_shape(self.stack, flat, self.dictionary, self.noise, self.shape, self.rng)
+        self.depth = flat + self.shape.depth(self.stack)
 
     def _following(self) -> Stack:
         return replace(self.stack, followed=self.depth) if self.follow else self.stack
@@ -234,7 +245,8 @@ class _Run:
             assert self.scene is not None
             return self.scene.depth(self.stack)
         sigma = self.fits.normal_sigma.reshape(self.depth.shape)
-        return integrate_normals(_as_map(self.fits.normals, self.stack), self.stack.pixel_pitch, sigma=sigma)
+        depth = integrate_normals(_as_map(self.fits.normals, self.stack), self.stack.pixel_pitch, sigma=sigma)
+        return depth + self.shape.depth(self.stack)
 
     def result(self) -> Reconstruction:
         """Return what came of it."""
@@ -251,6 +263,9 @@ class _Run:
             self.effects.append(Choice("depth", "off", reason))
         if self.surface:
             self.effects.append(self.updates_choice)
+        if self.follow:
+            self.effects.append(shape_choice(self.shape))
+            self.depth = self.depth - np.nanmean(self.depth)
         text = "the typical residual made one of its stated sigma"
         self.effects.append(Choice("relative error", f"{self.noise.relative:.4f}", text))
         materials = self._complete()

@@ -9,7 +9,7 @@ Gaussian's plain blur, which flattens relief: slopes of 4 to 8 mm waves came out
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -121,6 +121,11 @@ class Rectified:
     variance: NDArray[np.float32]
     saturated: NDArray[np.uint8]
     pixels: Array
+
+    def scaled(self, gain: Array | NDArray[np.float32]) -> Rectified:
+        """Return the view with its radiances multiplied by `gain`, which broadcasts."""
+        radiance = (self.radiance * gain).astype(np.float32)
+        return replace(self, radiance=radiance, variance=(self.variance * gain**2).astype(np.float32))
 
 
 def channel_of_cell(bayer_pattern: str) -> NDArray[np.int64]:

@@ -12,7 +12,7 @@ from typing import Any
 
 from analysis.reflectance import Cosines
 from analysis.result import read_result
-from analysis.stack import write_stack
+from analysis.stack_file import write_stack
 from benchmarks.methods import Estimate
 from benchmarks.scenes import Scene
 

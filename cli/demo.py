@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,8 @@ from cli.output import check_new, stage_announcer, table, write_json
 from cli.reconstruction import figures_table, result_from_stack, stack_from_session
 
 if TYPE_CHECKING:
-    from analysis.stack import Stack
+    from analysis.rectification import Grid
+    from analysis.stack import Truth
     from analysis.stages import Stages
     from instrument.config import RigConfig
 
@@ -48,16 +48,16 @@ def demo(folder: Path, json_file: Path | None, quick: bool, force: bool, quiet: 
     from analysis.reconstruction import Options
     from analysis.report import write_report
     from analysis.result import write_result
-    from analysis.stack import write_stack
+    from analysis.stack_file import read_stack, write_truth
     from analysis.stages import Stages
     from instrument.config import load_rig
 
     rig = load_rig(EXAMPLES / "simulated.toml")
     stages = Stages(stage_announcer(quiet))
     _capture(rig, session, stages, quick=quick)
-    stack, calibration = stack_from_session(session, QUICK_PITCH_MM if quick else PITCH_MM, stages)
-    stack = with_truth(stack, rig)
-    write_stack(stack_file, stack)
+    stack, calibration = stack_from_session(session, stack_file, QUICK_PITCH_MM if quick else PITCH_MM, stages)
+    write_truth(stack_file, truth_of(rig, stack.grid))
+    stack = read_stack(stack_file)
     result = result_from_stack(stack, Options(), stages, 6, calibration, stack_file)
     write_result(result_file, result)
     write_report(page, result, "halfangle demo: a simulated relief of five materials")
@@ -77,14 +77,14 @@ def _capture(rig: RigConfig, session: Path, stages: Stages, *, quick: bool) -> N
         capture(rig, protocol, session)
 
 
-def with_truth(stack: Stack, rig: RigConfig) -> Stack:
-    """Add what the simulation knows of the sample, to score with; nothing in the analysis reads it to fit."""
+def truth_of(rig: RigConfig, grid: Grid) -> Truth:
+    """Return what the simulation knows of the sample, to score with; nothing in the analysis reads it to fit."""
     from analysis.stack import Truth
     from drivers.simulated.world import World
 
-    points = stack.grid.points()
+    points = grid.points()
     truth = World.from_rig(rig.model_dump(exclude_none=True)).truth(points[..., 0], points[..., 1])
-    return replace(stack, truth=Truth(truth.normals, truth.depth - truth.depth.mean(), truth.material))
+    return Truth(truth.normals, truth.depth - truth.depth.mean(), truth.material)
 
 
 def _text(figures: dict[str, Any]) -> str:

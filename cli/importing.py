@@ -48,7 +48,7 @@ def import_pictures(
     assert registered, "click requires the flag"
     check_new(output)
     from analysis.importing import import_registered
-    from analysis.stack import write_stack
+    from analysis.stack_file import write_stack
 
     table = positions if positions.exists() else folder / positions
     stack = import_registered(folder, table, width_mm, gamma, binning)

@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -40,11 +41,9 @@ def _one_of(name: str, values: list[str], default: str, text: str) -> Callable[[
 def calibrate(session: Path, output: Path, pitch: float | None, json_file: Path | None, quiet: bool) -> None:
     """Calibrate a SESSION from its own pictures and register it onto the sample plane."""
     check_new(output, *([json_file] if json_file else []))
-    from analysis.stack import write_stack
     from analysis.stages import Stages
 
-    stack, figures = stack_from_session(session, pitch, Stages(stage_announcer(quiet)))
-    write_stack(output, stack)
+    stack, figures = stack_from_session(session, output, pitch, Stages(stage_announcer(quiet)))
     if json_file:
         write_json(json_file, figures)
     click.echo(
@@ -54,14 +53,17 @@ def calibrate(session: Path, output: Path, pitch: float | None, json_file: Path 
     )
 
 
-def stack_from_session(session: Path, pitch: float | None, stages: Stages) -> tuple[Stack, dict[str, Any]]:
-    """Register a session; return the stack and the calibration's figures."""
+def stack_from_session(
+    session: Path, output: Path, pitch: float | None, stages: Stages
+) -> tuple[Stack, dict[str, Any]]:
+    """Register a session into the file `output`; return the stack and the calibration's figures."""
     from analysis.registration import register
+    from analysis.stack_file import read_stack
     from instrument.session import Session
 
     with Session(session) as opened:
-        stack, calibration = register(opened, pitch, stages)
-    return stack, calibration.as_dict()
+        calibration = register(opened, output, pitch, stages)
+    return read_stack(output), calibration.as_dict()
 
 
 @click.command(epilog="Example: halfangle reconstruct area.stack.h5 -o area.result.h5 --accuracy best")
@@ -131,20 +133,21 @@ def reconstruct(
     # Before a session is registered, which takes minutes.
     by_name(choices["dictionary"])
     stages = Stages(stage_announcer(quiet))
-    stack, calibration = read_source(source, pitch, stages)
-    result = result_from_stack(stack, Options(**choices), stages, left_out, calibration, source)
-    write_result(output, result)
+    with TemporaryDirectory(prefix=".halfangle-", dir=output.parent) as scratch:
+        stack, calibration = read_source(source, Path(scratch) / "area.stack.h5", pitch, stages)
+        result = result_from_stack(stack, Options(**choices), stages, left_out, calibration, source)
+        write_result(output, result)
     if json_file:
         write_json(json_file, {**result.summary, "stages": result.stages, "choices": result.choices})
     click.echo(f"{output}\n{figures_table(result.summary)}")
 
 
-def read_source(source: Path, pitch: float | None, stages: Stages) -> tuple[Stack, dict[str, Any]]:
-    """Read a registered stack, or register a session; return the stack and the calibration's figures, if any."""
-    from analysis.stack import is_stack, read_stack
+def read_source(source: Path, registered: Path, pitch: float | None, stages: Stages) -> tuple[Stack, dict[str, Any]]:
+    """Read a registered stack, or register a session into `registered`; return it and the calibration's figures."""
+    from analysis.stack_file import is_stack, read_stack
 
     if not is_stack(source):
-        return stack_from_session(source, pitch, stages)
+        return stack_from_session(source, registered, pitch, stages)
     with stages.measure("reading"):
         stack = read_stack(source)
     text = stack.notes.get("calibration")

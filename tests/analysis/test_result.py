@@ -21,7 +21,8 @@ from analysis.result import (
     write_result,
 )
 from analysis.scoring import truth_error
-from analysis.stack import Stack, write_stack
+from analysis.stack import Stack
+from analysis.stack_file import write_stack
 from analysis.stages import Stage
 from instrument.validation import InvalidInputError
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from analysis.fitting import samples_of
-from analysis.stack import Stack, read_stack, write_stack
+from analysis.stack import Stack
+from analysis.stack_file import read_stack, write_stack
 from instrument.validation import InvalidInputError
 from tests.synthetic import make_stack
 
@@ -108,7 +109,7 @@ def test_a_large_stack_stays_in_its_file_and_gives_the_same_bits(path: Path, sma
     pixels = np.array([0, 7, 8, 9, 30])
     depth = 0.1 * np.arange(36.0).reshape(6, 6)
     in_memory = [samples_of(replace(read_stack(path), followed=z), pixels) for z in (None, depth)]
-    monkeypatch.setattr("analysis.stack.IN_MEMORY_BYTES", 100)
+    monkeypatch.setattr("analysis.stack_file.IN_MEMORY_BYTES", 100)
     on_disk = read_stack(path)
     assert isinstance(on_disk.radiance, h5py.Dataset)
     for followed, expected in zip((None, depth), in_memory, strict=True):
@@ -120,7 +121,7 @@ def test_a_large_stack_stays_in_its_file_and_gives_the_same_bits(path: Path, sma
 def test_a_large_stack_of_counts_gives_the_same_samples(path: Path, small: Stack, monkeypatch):
     counts = (1e9 * small.radiance).astype(np.uint16)
     spoil(path, put(RADIANCE, counts))
-    monkeypatch.setattr("analysis.stack.IN_MEMORY_BYTES", 100)
+    monkeypatch.setattr("analysis.stack_file.IN_MEMORY_BYTES", 100)
     samples = samples_of(read_stack(path), np.arange(36))
     np.testing.assert_array_equal(samples.radiance.reshape(counts.shape), counts)
 
@@ -129,13 +130,13 @@ def test_a_large_compressed_stack_is_read_at_once(path: Path, small: Stack, monk
     with h5py.File(path, "r+") as file:
         del file[RADIANCE]
         file.create_dataset(RADIANCE, data=small.radiance, compression="gzip")
-    monkeypatch.setattr("analysis.stack.IN_MEMORY_BYTES", 100)
+    monkeypatch.setattr("analysis.stack_file.IN_MEMORY_BYTES", 100)
     np.testing.assert_array_equal(read_stack(path).radiance, small.radiance)
 
 
 def test_a_refused_stack_is_not_left_open(path: Path, monkeypatch):
     spoil(path, put(f"{GEOMETRY}/light_power", np.zeros(5)))
-    monkeypatch.setattr("analysis.stack.IN_MEMORY_BYTES", 100)
+    monkeypatch.setattr("analysis.stack_file.IN_MEMORY_BYTES", 100)
     refusal(path)
     with h5py.File(path, "r+") as file:
         assert RADIANCE in file

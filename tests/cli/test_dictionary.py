@@ -18,7 +18,7 @@ from analysis.dictionary_file import MaterialTables, read_dictionary, write_dict
 from analysis.merl import cell_angles
 from analysis.result import read_result
 from analysis.rusinkiewicz import cosines_from_angles
-from analysis.stack import write_stack
+from analysis.stack_file import write_stack
 from cli.main import main
 from instrument.validation import InvalidInputError
 from tests.merl_files import write_materials

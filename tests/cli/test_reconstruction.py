@@ -10,7 +10,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from analysis.stack import read_stack, write_stack
+from analysis.stack_file import read_stack, write_stack
 from cli.main import main
 from tests.synthetic import make_stack
 

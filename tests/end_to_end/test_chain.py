@@ -13,7 +13,8 @@ import pytest
 from analysis.metrics import angular_error_deg
 from analysis.reconstruction import Options, reconstruct
 from analysis.result import read_result
-from analysis.stack import Stack, read_stack, write_stack
+from analysis.stack import Stack
+from analysis.stack_file import read_stack, write_stack
 from cli.demo import EXAMPLES, with_truth
 from cli.main import main
 from drivers.simulated.world import World

@@ -1,0 +1,226 @@
+"""What a session's own pictures say of its rig: lens, poses, boards, light and the light's powers.
+
+Frames are merged as often as they are needed, so that no more than one merged picture is in memory at a
+time, whatever the number of poses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis import dictionary as dictionaries
+from analysis.board_layout import BoardLayout
+from analysis.boards import BoardCorners, detect_corners
+from analysis.camera_calibration import MIN_VIEWS, CameraCalibration, calibrate_camera, usable_views
+from analysis.fitting import estimate_noise
+from analysis.lens import Lens
+from analysis.light_calibration import LightOffset, estimate_light_offset, light_position
+from analysis.merged_frames import MergedFrames
+from analysis.photometry import Photometry, fit_photometry
+from analysis.rectification import Grid, Rectified, View, rectify
+from analysis.stack import Stack
+from analysis.stages import Stages
+from analysis.white_samples import WhitePoints, white_samples
+from instrument.session import Session
+
+Array = NDArray[np.float64]
+
+_FIRST_VIEWS = 10
+"""Views that the lens is first found from; corners are measured through it in all of them."""
+
+_SCOUT_PIXELS = 64  # a side, of the coarse grid that the light is found on
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What a session's own pictures say of the rig.
+
+    Attributes
+    ----------
+    camera : CameraCalibration
+    photometry : Photometry
+    light_offset : LightOffset
+    white_level : ndarray of float32, shape (n_channels,)
+        Radiance of white in each channel; the stack's channels are divided by it.
+    i_pose : ndarray of int, shape (n_views,)
+        The session's pose of each view.
+    dropped : tuple of str
+        Poses that were left out, with the reason.
+    """
+
+    camera: CameraCalibration
+    photometry: Photometry
+    light_offset: LightOffset
+    white_level: NDArray[np.float32]
+    i_pose: NDArray[np.int64]
+    dropped: tuple[str, ...]
+
+    @property
+    def views(self) -> tuple[View, ...]:
+        """Where the camera stood in each view."""
+        return views_of(self.camera)
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the figures that a report shows."""
+        matrix, power = self.camera.camera_matrix, self.photometry.light_power
+        return {
+            "n_views": len(self.i_pose),
+            "dropped": list(self.dropped),
+            "corner_rms_px": self.camera.rms,
+            "n_corner_outliers": len(self.camera.outliers),
+            "fx_px": float(matrix[0, 0]),
+            "fy_px": float(matrix[1, 1]),
+            "cx_px": float(matrix[0, 2]),
+            "cy_px": float(matrix[1, 2]),
+            "distortion": self.camera.distortion.tolist(),
+            "sigma_px": self.camera.intrinsics_sigma,
+            "print_sigma_mm": self.camera.bundle.noise.print_sigma,
+            "light_offset_mm": self.light_offset.value.tolist(),
+            "light_offset_sigma_mm": self.light_offset.sigma.tolist(),
+            "light_power_spread": float(np.std(power) / np.mean(power)),
+            "light_power_sigma": float(np.sqrt(np.mean(self.photometry.light_power_sigma**2))),
+            "vignetting": list(self.photometry.vignetting),
+            "light_gradient": list(self.photometry.gradient),
+            "lobe_exponent": self.photometry.lobe_exponent,
+            "white_rms": self.photometry.rms,
+        }
+
+
+def calibrate_session(session: Session, frames: MergedFrames, stages: Stages) -> Calibration:
+    """Calibrate a session from its own pictures.
+
+    Parameters
+    ----------
+    session : Session
+    frames : MergedFrames
+    stages : Stages
+
+    Raises
+    ------
+    InvalidInputError
+        If there are too few poses, or too few that show the boards.
+    """
+    with stages.measure("boards"):
+        found = _find_boards(session, frames)
+    usable = usable_views(found)
+    dropped = tuple(
+        f"pose {i}: {len(c)} board corners" for i, c, ok in zip(frames.i_pose, found, usable, strict=True) if not ok
+    )
+    with stages.measure("camera"):
+        corners = [c for c, ok in zip(found, usable, strict=True) if ok]
+        camera = calibrate_camera(
+            corners, frames.image_size, BoardLayout.nominal(session.boards), session.focal_length_px
+        )
+    legacy = frozenset.union(frozenset(), *(c.legacy for c in corners))
+    i_pose = frames.i_pose[usable]
+    with stages.measure("light"):
+        photometry, light, level = _find_light(session, frames, i_pose, camera, legacy)
+    return Calibration(camera, photometry, light, level, i_pose, dropped)
+
+
+def views_of(camera: CameraCalibration) -> tuple[View, ...]:
+    """Return where the camera stood in each view."""
+    pairs = zip(camera.rotation, camera.translation, strict=True)
+    return tuple(View(camera.camera_matrix, camera.distortion, R, t) for R, t in pairs)
+
+
+def footprint_mm(camera: CameraCalibration) -> float:
+    """Return the size of a pixel of the pictures on the sample, seen from straight ahead, mm."""
+    return float(np.median(camera.translation[:, 2]) / camera.camera_matrix[0, 0])
+
+
+def _find_boards(session: Session, frames: MergedFrames) -> list[BoardCorners]:
+    """Find the corners twice in a few views, to know the lens, and then through it in all."""
+    lens = _first_lens(session, frames)
+    return [_detect(session, frames, int(i), lens) for i in frames.i_pose]
+
+
+def _first_lens(session: Session, frames: MergedFrames) -> Lens | None:
+    picked = frames.i_pose[np.unique(np.linspace(0, len(frames.i_pose) - 1, _FIRST_VIEWS).round().astype(int))]
+    found = [c for i in picked if usable_views([c := _detect(session, frames, int(i), None)])[0]]
+    if len(found) < MIN_VIEWS:
+        return None
+    layout = BoardLayout.nominal(session.boards)
+    return calibrate_camera(found, frames.image_size, layout, session.focal_length_px).bundle.state.lens
+
+
+def _detect(session: Session, frames: MergedFrames, i_pose: int, lens: Lens | None) -> BoardCorners:
+    merged = frames.merge(i_pose)
+    picture = np.where(merged.saturated, np.float32(np.nan), merged.mean)
+    return detect_corners(picture, frames.bayer_pattern, session.boards, lens)
+
+
+def _find_light(
+    session: Session,
+    frames: MergedFrames,
+    i_pose: NDArray[np.int64],
+    camera: CameraCalibration,
+    legacy: frozenset[int],
+) -> tuple[Photometry, LightOffset, NDArray[np.float32]]:
+    """Find powers and fall-off from the white, and the light's offset from the sample's highlights.
+
+    The offset is sought on a coarse grid of the area, since a few hundred pixels tell it.
+    """
+    views, footprint = views_of(camera), footprint_mm(camera)
+    white = WhitePoints.beside(session.boards, legacy, session.area_mm, footprint)
+    scout = _scout_grid(session.area_mm, footprint)
+    on_scout, on_white = [], []
+    for i, view in zip(i_pose, views, strict=True):
+        merged = frames.merge(int(i))
+        picture = (merged.mean, merged.variance, merged.saturated, frames.bayer_pattern, view)
+        on_scout.append(rectify(*picture, scout.points(), footprint))
+        on_white.append(rectify(*picture, white.points[None], footprint))
+    samples, level = white_samples(on_white, white, views)
+    prior = LightOffset(session.light_offset_mm, np.full(3, float(np.max(session.light_offset_sigma_mm))))
+    first = fit_photometry(samples, views, prior.value, frames.image_size)
+    stack = _scout_stack([r.scaled(1.0 / level) for r in on_scout], first, prior, views, scout)
+    rng = np.random.default_rng(0)
+    dictionary = dictionaries.parametric()
+    light = estimate_light_offset(stack, dictionary, estimate_noise(stack, dictionary, rng), prior, rng)
+    return fit_photometry(samples, views, light.value, frames.image_size), light, level
+
+
+def _scout_grid(area_mm: tuple[float, float], footprint: float) -> Grid:
+    return Grid.covering(area_mm, max(max(area_mm) / _SCOUT_PIXELS, footprint))
+
+
+def _scout_stack(
+    seen: Sequence[Rectified], photometry: Photometry, light: LightOffset, views: tuple[View, ...], grid: Grid
+) -> Stack:
+    points = grid.points()
+    freed = [
+        r.scaled(1.0 / photometry.falloff(view, light.value, points, r.pixels)[..., None])
+        for r, view in zip(seen, views, strict=True)
+    ]
+    return replace(
+        stack_geometry(photometry, light, views, grid, freed[0].radiance.shape[-1]),
+        radiance=np.stack([r.radiance for r in freed]),
+        variance=np.stack([r.variance for r in freed]),
+        saturated=np.stack([r.saturated for r in freed]),
+    )
+
+
+def stack_geometry(
+    photometry: Photometry, light: LightOffset, views: tuple[View, ...], grid: Grid, n_channels: int
+) -> Stack:
+    """Return a stack whose pictures are still to come: one NaN and one 0, seen everywhere, stand in for them."""
+    rotation = np.stack([view.rotation for view in views])
+    translation = np.stack([view.translation for view in views])
+    shape = (len(views), grid.height, grid.width, n_channels)
+    stack = Stack(
+        radiance=np.broadcast_to(np.float32(np.nan), shape),
+        variance=np.broadcast_to(np.float32(np.nan), shape),
+        saturated=np.broadcast_to(np.uint8(0), shape),
+        camera_position=-np.einsum("nji,nj->ni", rotation, translation),
+        light_position=np.zeros((len(views), 3)),
+        light_power=photometry.light_power,
+        pixel_pitch=grid.pitch,
+        camera_rotation=rotation,
+        light_offset=light.value,
+        light_offset_sigma=light.sigma,
+    )
+    return replace(stack, light_position=light_position(stack, light.value))
