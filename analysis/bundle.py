@@ -18,7 +18,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 
 from analysis.board_layout import BoardLayout, cross_matrix, rotation_from_vector
 from analysis.boards import BoardCorners
@@ -34,9 +36,9 @@ LEAST_PRINT_PX = 0.005
 """The same of the print, in pixels of the picture: the drawing it is compared with is no better either."""
 
 _FIRST_FLOOR_PX, _FIRST_PRINT_PX = 0.05, 0.02
-_NOISE_ROUNDS, _NOISE_SETTLED = 12, 0.03
+_NOISE_ROUNDS, _NOISE_SETTLED = 8, 0.05
 _MAX_STEPS = 60
-_TOLERANCE = 1e-9
+_TOLERANCE = 1e-7
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,16 +230,18 @@ class _System:
             loss += view.loss
             residuals.append(view.residual)
             place = n_rigid + 3 * found.corner[:, None] + np.arange(3)
-            P, G, Q, e = view.by_pose, view.by_rigid, view.by_corner, view.error
-            A[v] = np.einsum("kip,kiq->pq", P, P)
-            a[v] = np.einsum("kip,ki->p", P, e)
-            B[v, :, :n_rigid] = np.einsum("kip,kiq->pq", P, G)
-            B[v][:, place] = np.einsum("kip,kiq->pkq", P, Q)
-            C[:n_rigid, :n_rigid] += np.einsum("kip,kiq->pq", G, G)
-            C[:n_rigid, place] += np.einsum("kip,kiq->pkq", G, Q)
-            C[place[:, :, None], place[:, None, :]] += np.einsum("kip,kiq->kpq", Q, Q)
-            c[v, :n_rigid] = np.einsum("kip,ki->p", G, e)
-            c[v, place] = np.einsum("kip,ki->kp", Q, e)
+            Q, by_rest = view.by_corner, np.concatenate([view.by_pose, view.by_rigid], axis=2)
+            rest, error = by_rest.reshape(-1, 6 + n_rigid), view.error.reshape(-1)
+            N, y = rest.T @ rest, rest.T @ error
+            A[v], B[v, :, :n_rigid], a[v] = N[:6, :6], N[:6, 6:], y[:6]
+            C[:n_rigid, :n_rigid] += N[6:, 6:]
+            c[v, :n_rigid] = y[6:]
+            cross = np.swapaxes(np.swapaxes(by_rest, 1, 2) @ Q, 0, 1)
+            B[v][:, place] = cross[:6]
+            C[:n_rigid, place] += cross[6:]
+            Q_t = np.swapaxes(Q, 1, 2)
+            C[place[:, :, None], place[:, None, :]] += Q_t @ Q
+            c[v, place] = (Q_t @ view.error[..., None])[..., 0]
         C[n_rigid:, :n_rigid] = C[:n_rigid, n_rigid:].T
         C[np.arange(n_rigid, n_global), np.arange(n_rigid, n_global)] += 1.0 / noise.print_sigma**2
         hold = _gauge(state.layout, freedom, sum(len(f) for f in corners))
@@ -252,7 +256,7 @@ class _System:
         A_inv_a = np.linalg.solve(A, self.a[..., None])[..., 0]
         S = self.C + damping * np.diag(np.diag(self.C)) - _summed(self.B, A_inv_B)
         pull = self.prior_pull + self.c.sum(axis=0) - np.einsum("vij,vi->j", self.B, A_inv_a)
-        g = _inverse(S) @ pull
+        g = _solve(S, pull)
         p = A_inv_a - A_inv_B @ g
         n_lens, n_rigid = len(freedom.lens), freedom.n_rigid
         values = state.lens.values.copy()
@@ -321,8 +325,20 @@ def _summed(B: Array, A_inv_B: Array) -> Array:
     return np.asarray(flat.T @ A_inv_B.reshape(-1, B.shape[-1]))
 
 
+def _solve(S: Array, y: Array) -> Array:
+    """Solve S x = y, scaled to a unit diagonal: k3 and f differ by many orders."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-300))
+    unit = S * scale * scale[:, None]
+    try:
+        x = cho_solve(cho_factor(unit, check_finite=False), scale * y, check_finite=False)
+    except LinAlgError:
+        # Something that no corner holds, such as the place of a board not seen.
+        x = np.linalg.lstsq(unit, scale * y, rcond=1e-13)[0]
+    return np.asarray(scale * x)
+
+
 def _inverse(S: Array) -> Array:
-    """Invert, scaled to a unit diagonal: k3 and f differ by many orders."""
+    """Invert, scaled to a unit diagonal."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-300))
     return np.asarray(scale * np.linalg.pinv(S * scale * scale[:, None], rcond=1e-13, hermitian=True) * scale[:, None])
 

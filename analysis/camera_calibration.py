@@ -85,9 +85,18 @@ class CameraCalibration:
         return self.bundle.state.lens.distortion
 
     @property
+    def sigma_scale(self) -> float:
+        """By how much more than predicted the two halves of the views differ; at least 1."""
+        z = np.array(list(self.halves_z.values()))
+        return max(float(np.sqrt(np.mean(z**2))), 1.0) if len(z) else 1.0
+
+    @property
     def intrinsics_sigma(self) -> dict[str, float]:
-        """One standard deviation of each free unknown: f, aspect, cx, cy, k1, k2, p1, p2, k3."""
-        return self.bundle.lens_sigma
+        """One standard deviation of each free unknown: f, aspect, cx, cy, k1, k2, p1, p2, k3.
+
+        The prediction of the bundle, widened by `sigma_scale`: a sigma that is stated is one that was seen.
+        """
+        return {name: self.sigma_scale * sigma for name, sigma in self.bundle.lens_sigma.items()}
 
     @property
     def rotation(self) -> Array:
@@ -301,7 +310,8 @@ def _smallest(corners: Sequence[BoardCorners], bundle: Bundle) -> Bundle:
         weakest = min(evidence, key=lambda e: e[1] / len(e[0]), default=None)
         if weakest is None or weakest[1] > len(weakest[0]) * np.log(n):
             break
-        bundle = adjust(corners, *drop(bundle, weakest[0]))
+        bundle = adjust(corners, *drop(bundle, weakest[0]), bundle.noise)
+    bundle = adjust(corners, bundle.state, bundle.freedom)
     return _boards_if_needed(corners, bundle)
 
 

@@ -103,9 +103,7 @@ def gross_shape(
     return GrossShape(np.where(np.abs(total) > SIGNIFICANT * sigma, total, 0.0), sigma)
 
 
-def _residuals(
-    stack: Stack, depth: Array, pixels: NDArray[np.int64], dictionary: Dictionary, noise: Noise
-) -> Array:
+def _residuals(stack: Stack, depth: Array, pixels: NDArray[np.int64], dictionary: Dictionary, noise: Noise) -> Array:
     """Return residuals over their sigmas of pixels fitted at a depth, shape (N C, P); NaN where not seen."""
     samples: Samples = follow_pixels(stack, depth, pixels)
     problem = PixelProblem(stack, dictionary, pixels, depth, samples)
