@@ -330,10 +330,10 @@ def _solve(S: Array, y: Array) -> Array:
     scale = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-300))
     unit = S * scale * scale[:, None]
     try:
-        x = cho_solve(cho_factor(unit, check_finite=False), scale * y, check_finite=False)
+        x = np.asarray(cho_solve(cho_factor(unit, check_finite=False), scale * y, check_finite=False))
     except LinAlgError:
         # Something that no corner holds, such as the place of a board not seen.
-        x = np.linalg.lstsq(unit, scale * y, rcond=1e-13)[0]
+        x = np.asarray(np.linalg.lstsq(unit, scale * y, rcond=1e-13)[0])
     return np.asarray(scale * x)
 
 

@@ -20,9 +20,9 @@ from analysis.effects import (
     refine_light,
 )
 from analysis.fitting import Noise, PixelProblem, estimate_noise, tiles
+from analysis.gross_shape import NO_SHAPE, gross_shape, shape_choice
 from analysis.identifiability import view_problems
 from analysis.integration import depth_sigma, integrate_normals
-from analysis.gross_shape import NO_SHAPE, gross_shape, shape_choice
 from analysis.light_calibration import LightOffset
 from analysis.palette_brdf import MaterialBrdfs
 from analysis.pixel_fits import PixelFits, joined
