@@ -116,6 +116,8 @@ class Bundle:
         Of the free lens unknowns, then of turn (rad) and shift (mm) of each free board.
     pose_covariance : ndarray, shape (n_views, 6, 6)
         Of turn (rad, camera frame) and translation (mm).
+    own_pose_covariance : ndarray, shape (n_views, 6, 6)
+        The same with lens and boards as they are: what shifts one view against the others.
     converged : bool
     """
 
@@ -125,6 +127,7 @@ class Bundle:
     residuals: tuple[Array, ...]
     covariance: Array
     pose_covariance: Array
+    own_pose_covariance: Array
     converged: bool
 
     @property
@@ -274,9 +277,9 @@ class _System:
         """Return the covariance of all that the views share, from the noise alone."""
         return _inverse(self.C - _summed(self.B, np.asarray(np.linalg.solve(self.A, self.B), np.float64)))
 
-    def covariances(self, n_rigid: int) -> tuple[Array, Array]:
-        """Return the covariance of lens and boards, and of each view's pose."""
-        A_inv = np.linalg.inv(self.A)
+    def covariances(self, n_rigid: int) -> tuple[Array, Array, Array]:
+        """Return the covariance of lens and boards, of each view's pose, and of that with lens and boards held."""
+        A_inv = np.asarray(np.linalg.inv(self.A), np.float64)
         A_inv_B = A_inv @ self.B
         S_inv = self.global_covariance()
         # What each view pulls with: views that pull harder than their noise have errors in common [huber1967].
@@ -287,7 +290,7 @@ class _System:
         wider = np.sqrt(np.maximum(seen / np.maximum(known, 1e-300), 1.0))
         wider[n_rigid:] = 1.0
         S_inv = S_inv * wider * wider[:, None]
-        return S_inv[:n_rigid, :n_rigid], A_inv + A_inv_B @ S_inv @ np.swapaxes(A_inv_B, 1, 2)
+        return S_inv[:n_rigid, :n_rigid], A_inv + A_inv_B @ S_inv @ np.swapaxes(A_inv_B, 1, 2), A_inv
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.board_layout import BoardLayout
+from analysis.board_layout import BoardLayout, cross_matrix
 from analysis.boards import BoardCorners
 from analysis.bundle import Bundle, CornerNoise, Freedom, State, adjust, drop, own_variance
 from analysis.lens import LENS_NAMES, Lens
@@ -127,6 +127,22 @@ class CameraCalibration:
     def view_rms(self) -> Array:
         """The same for each view, shape (n_views,)."""
         return np.array([np.sqrt(np.mean(np.sum(r**2, axis=1))) for r in self.residuals])
+
+    def registration_sigma(self, points: Array) -> Array:
+        """Return how far each view may be shifted against the others on the sample plane, shape (n_views,).
+
+        One standard deviation per axis, mm, RMS over `points` (n, 3) of the plane z = 0.
+        """
+        sigma = []
+        for R, t, covariance in zip(self.rotation, self.translation, self.bundle.own_pose_covariance, strict=True):
+            turned = points @ R.T
+            _, by_point, _ = self.bundle.state.lens.project(turned + t)
+            by_pose = np.concatenate([by_point @ -cross_matrix(turned), by_point], axis=2)
+            # Pixels of the picture to mm on the plane.
+            on_plane = np.linalg.solve((by_point @ R)[..., :2], by_pose)
+            variance = np.einsum("nip,pq,niq->ni", on_plane, covariance, on_plane)
+            sigma.append(np.sqrt(np.mean(variance)))
+        return self.sigma_scale * np.array(sigma)
 
 
 def usable_views(corners: Sequence[BoardCorners]) -> NDArray[np.bool_]:

@@ -18,7 +18,7 @@ from analysis.light_calibration import (
     FEW_VIEWS,
     LightOffset,
     estimate_light_offset,
-    light_position,
+    lit_from,
     looking_at_centre,
     pooled_light_offset,
 )
@@ -130,9 +130,9 @@ def choose_light(
         stack = replace(stack, camera_rotation=looking_at_centre(stack.camera_position))
     found = pooled_light_offset(stack)
     if stack.n_views >= FEW_VIEWS:
-        noise = estimate_noise(_with_light(stack, found), dictionary, rng)
+        noise = estimate_noise(lit_from(stack, found), dictionary, rng)
         found = estimate_light_offset(stack, dictionary, noise, LightOffset(found.value, np.full(3, np.inf)), rng)
-    return _with_light(stack, found), _light_choice(found), found
+    return lit_from(stack, found), _light_choice(found), found
 
 
 def light_is_uncertain(stack: Stack, light: str) -> bool:
@@ -150,16 +150,7 @@ def refine_light(
     # What came before was found on the flat plane; its sigma does not know of the relief.
     prior = LightOffset(stack.light_offset, np.maximum(stack.light_offset_sigma, 1.0))
     found = estimate_light_offset(fitted, dictionary, noise, prior, rng, depth)
-    return _with_light(stack, found), _light_choice(found), found
-
-
-def _with_light(stack: Stack, found: LightOffset) -> Stack:
-    return replace(
-        stack,
-        light_position=light_position(stack, found.value),
-        light_offset=found.value,
-        light_offset_sigma=found.sigma,
-    )
+    return lit_from(stack, found), _light_choice(found), found
 
 
 def _light_choice(found: LightOffset) -> Choice:

@@ -9,7 +9,7 @@ it s merely scales the fall-off.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,23 @@ def light_position(stack: Stack, offset: Array) -> Array:
     if stack.camera_rotation is None:
         raise ValueError("the stack has no camera_rotation, so an offset in the camera frame means nothing.")
     return np.asarray(stack.camera_position + np.einsum("nij,i->nj", stack.camera_rotation, offset))
+
+
+def lit_from(stack: Stack, offset: LightOffset) -> Stack:
+    """Return the stack with its light elsewhere.
+
+    Powers that were found from white paper in the plane (then they have a sigma) follow the light, so that the
+    white stays as bright as it was seen.
+    """
+    light = light_position(stack, offset.value)
+    before, after = (p[:, 2] / np.linalg.norm(p, axis=1) ** 3 for p in (stack.light_position, light))
+    return replace(
+        stack,
+        light_position=light,
+        light_power=stack.light_power if stack.light_power_sigma is None else stack.light_power * before / after,
+        light_offset=offset.value,
+        light_offset_sigma=offset.sigma,
+    )
 
 
 def looking_at_centre(camera_position: Array) -> Array:

@@ -71,6 +71,8 @@ class Photometry:
         g per `radius`, along x and y of the picture.
     lobe_exponent : float
         m.
+    falloff_covariance : ndarray, shape (5, 5)
+        Of g_x, g_y, a, b, m.
     principal_point, radius : (float, float), float
         Centre of the vignetting and unit of r, pixels.
     rms : float
@@ -82,17 +84,28 @@ class Photometry:
     vignetting: tuple[float, float]
     gradient: tuple[float, float]
     lobe_exponent: float
+    falloff_covariance: Array
     principal_point: tuple[float, float]
     radius: float
     rms: float
 
     def falloff(self, view: View, light_offset: Array, points: Array, pixels: Array) -> Array:
         """Return vignetting times lobe at `points` (..., 3) that lie at `pixels` (..., 2) of the picture."""
+        x = np.array([*self.gradient, *self.vignetting, self.lobe_exponent])
+        return np.asarray(np.exp(self._terms(view, light_offset, points, pixels) @ x))
+
+    def falloff_sigma(self, view: View, light_offset: Array, points: Array) -> float:
+        """Return the standard deviation of log falloff about its mean over `points` (n, 3), RMS over them."""
+        terms = self._terms(view, light_offset, points, view.project(points))
+        terms = terms - terms.mean(axis=0)
+        return float(np.sqrt(np.mean(np.einsum("ni,ij,nj->n", terms, self.falloff_covariance, terms))))
+
+    def _terms(self, view: View, light_offset: Array, points: Array, pixels: Array) -> Array:
+        """Return what g_x, g_y, a, b, m are multiplied with in log falloff, shape (..., 5)."""
         u = (pixels - self.principal_point) / self.radius
         r2 = np.sum(u**2, axis=-1)
-        a, b = self.vignetting
-        lobe = self.lobe_exponent * np.log(_cos_alpha(view, light_offset, points))
-        return np.asarray(np.exp(a * r2 + b * r2**2 + u @ np.array(self.gradient) + lobe))
+        log_lobe = np.log(_cos_alpha(view, light_offset, points))
+        return np.stack([u[..., 0], u[..., 1], r2, r2**2, log_lobe], axis=-1)
 
 
 def _cos_alpha(view: View, light_offset: Array, points: Array) -> Array:
@@ -159,6 +172,7 @@ def fit_photometry(
         vignetting=(float(a), float(b)),
         gradient=(float(g_x), float(g_y)),
         lobe_exponent=float(m),
+        falloff_covariance=covariance[-7:-2, -7:-2],
         principal_point=centre,
         radius=radius,
         rms=float(np.sqrt(np.mean(residual**2))),

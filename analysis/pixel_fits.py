@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -101,6 +101,10 @@ class PixelFits:
     def normal_sigma(self) -> Array:
         """Standard deviation per tangent axis, rad: root of half the trace of the covariance."""
         return np.asarray(np.sqrt(0.5 * (self.covariance[:, 0] + self.covariance[:, 2])))
+
+    def widened(self, sigma: float) -> PixelFits:
+        """Return the fits with an error that all pixels share added to the normals' covariance, rad per axis."""
+        return replace(self, covariance=self.covariance + sigma**2 * np.array([1.0, 0.0, 1.0]))
 
     def brdf(self, cosines: Cosines) -> Array:
         """Return the BRDF of each pixel in 1/sr, shape (P, ..., C), at `cosines` of shape (P, ...)."""

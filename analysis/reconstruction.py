@@ -19,6 +19,7 @@ from analysis.effects import (
     light_is_uncertain,
     refine_light,
 )
+from analysis.error_budget import ErrorBudget, error_budget
 from analysis.fitting import Noise, PixelProblem, estimate_noise, tiles
 from analysis.gross_shape import NO_SHAPE, gross_shape, shape_choice
 from analysis.identifiability import view_problems
@@ -101,6 +102,8 @@ class Reconstruction:
     materials : MaterialBrdfs or None
         The palette's materials over all angles.
     choices : tuple of Choice
+    budget : ErrorBudget or None
+        What each error that the stack states adds to the normals; what all views share is in the fits' sigma.
     """
 
     fits: PixelFits
@@ -112,6 +115,7 @@ class Reconstruction:
     palette: ScenePalette | None
     materials: MaterialBrdfs | None
     choices: tuple[Choice, ...]
+    budget: ErrorBudget | None
 
     @property
     def normals(self) -> Array:
@@ -269,6 +273,7 @@ class _Run:
         text = "the typical residual made one of its stated sigma"
         self.effects.append(Choice("relative error", f"{self.noise.relative:.4f}", text))
         materials = self._complete()
+        budget = self._budget()
         return Reconstruction(
             fits=self.fits,
             depth=self.depth,
@@ -279,7 +284,19 @@ class _Run:
             palette=self.scene,
             materials=materials,
             choices=(self.light_choice, *self.effects),
+            budget=budget,
         )
+
+    def _budget(self) -> ErrorBudget | None:
+        """Find what the stated errors of the calibration do to the normals, and add to their sigma what all share."""
+        if not self.fitted.states_errors:
+            return None
+        assert self.fits is not None
+        with self.stages.measure("error budget"):
+            depth = self.depth if self.surface else None
+            budget = error_budget(self.fitted, self.dictionary, self.noise, self.rng, depth)
+            self.fits = self.fits.widened(np.deg2rad(budget.systematic))
+        return budget
 
     def _complete(self) -> MaterialBrdfs | None:
         """Give the palette's materials their values beyond the slice, for views from elsewhere."""

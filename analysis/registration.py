@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.error_budget import ErrorBudget, budget_of
 from analysis.merged_frames import MergedFrames
 from analysis.rectification import Grid, Rectified, View, rectify
 from analysis.session_calibration import Calibration, calibrate_session, footprint_mm, stack_geometry
-from analysis.stack_file import StackWriter
+from analysis.stack_file import StackWriter, read_stack
 from analysis.stages import Stages
 from instrument.session import Session
 
@@ -22,7 +23,9 @@ GRID_PER_PIXEL = 1.3
 """Default pitch of the grid in pixels of the picture: a mosaic does not resolve more than that."""
 
 
-def register(session: Session, path: Path, pitch: float | None = None, stages: Stages | None = None) -> Calibration:
+def register(
+    session: Session, path: Path, pitch: float | None = None, stages: Stages | None = None
+) -> tuple[Calibration, ErrorBudget]:
     """Calibrate a session from its own pictures and write it to `path`, resampled onto the sample plane.
 
     No more than one picture and one view of the stack are in memory at a time.
@@ -49,7 +52,9 @@ def register(session: Session, path: Path, pitch: float | None = None, stages: S
     with stages.measure("registration"):
         grid = Grid.covering(session.area_mm, pitch or round(GRID_PER_PIXEL * footprint_mm(calibration.camera), 3))
         write_registered(frames, calibration, grid, path, {"session_digest": session.digest()})
-    return calibration
+    with stages.measure("error budget"):
+        budget = budget_of(read_stack(path))
+    return calibration, budget
 
 
 def write_registered(
@@ -58,7 +63,7 @@ def write_registered(
     """Write the stack of a calibrated session."""
     views, light = calibration.views, calibration.light_offset
     n_channels = len(calibration.white_level)
-    stack = stack_geometry(calibration.photometry, light, views, grid, n_channels)
+    stack = stack_geometry(calibration.photometry, light, calibration.camera, grid, n_channels)
     stack = replace(stack, notes={"calibration": json.dumps(calibration.as_dict()), **notes})
     points = grid.points()
     with StackWriter(path, stack) as writer:

@@ -54,6 +54,8 @@ def score(reconstruction: Reconstruction, n_left_out: int = 6, n_pixels: int = 2
     if reconstruction.light_offset is not None:
         summary["light_offset_mm"] = reconstruction.light_offset.value.tolist()
         summary["light_offset_sigma_mm"] = reconstruction.light_offset.sigma.tolist()
+    if reconstruction.budget is not None:
+        summary["error_budget_deg"] = reconstruction.budget.contributions
     error = truth_error(reconstruction)
     if error is not None and stack.truth is not None:
         summary["normal_error_deg"] = error_summary(error)

@@ -177,7 +177,7 @@ def _find_light(
     samples, level = white_samples(on_white, white, views)
     prior = LightOffset(session.light_offset_mm, np.full(3, float(np.max(session.light_offset_sigma_mm))))
     first = fit_photometry(samples, views, prior.value, frames.image_size)
-    stack = _scout_stack([r.scaled(1.0 / level) for r in on_scout], first, prior, views, scout)
+    stack = _scout_stack([r.scaled(1.0 / level) for r in on_scout], first, prior, camera, scout)
     rng = np.random.default_rng(0)
     dictionary = dictionaries.parametric()
     light = estimate_light_offset(stack, dictionary, estimate_noise(stack, dictionary, rng), prior, rng)
@@ -189,15 +189,15 @@ def _scout_grid(area_mm: tuple[float, float], footprint: float) -> Grid:
 
 
 def _scout_stack(
-    seen: Sequence[Rectified], photometry: Photometry, light: LightOffset, views: tuple[View, ...], grid: Grid
+    seen: Sequence[Rectified], photometry: Photometry, light: LightOffset, camera: CameraCalibration, grid: Grid
 ) -> Stack:
     points = grid.points()
     freed = [
         r.scaled(1.0 / photometry.falloff(view, light.value, points, r.pixels)[..., None])
-        for r, view in zip(seen, views, strict=True)
+        for r, view in zip(seen, views_of(camera), strict=True)
     ]
     return replace(
-        stack_geometry(photometry, light, views, grid, freed[0].radiance.shape[-1]),
+        stack_geometry(photometry, light, camera, grid, freed[0].radiance.shape[-1]),
         radiance=np.stack([r.radiance for r in freed]),
         variance=np.stack([r.variance for r in freed]),
         saturated=np.stack([r.saturated for r in freed]),
@@ -205,22 +205,31 @@ def _scout_stack(
 
 
 def stack_geometry(
-    photometry: Photometry, light: LightOffset, views: tuple[View, ...], grid: Grid, n_channels: int
+    photometry: Photometry, light: LightOffset, camera: CameraCalibration, grid: Grid, n_channels: int
 ) -> Stack:
     """Return a stack whose pictures are still to come: one NaN and one 0, seen everywhere, stand in for them."""
-    rotation = np.stack([view.rotation for view in views])
-    translation = np.stack([view.translation for view in views])
+    views, border = views_of(camera), _border(grid)
     shape = (len(views), grid.height, grid.width, n_channels)
     stack = Stack(
         radiance=np.broadcast_to(np.float32(np.nan), shape),
         variance=np.broadcast_to(np.float32(np.nan), shape),
         saturated=np.broadcast_to(np.uint8(0), shape),
-        camera_position=-np.einsum("nji,nj->ni", rotation, translation),
+        camera_position=camera.camera_position,
         light_position=np.zeros((len(views), 3)),
         light_power=photometry.light_power,
         pixel_pitch=grid.pitch,
-        camera_rotation=rotation,
+        camera_rotation=camera.rotation,
         light_offset=light.value,
         light_offset_sigma=light.sigma,
+        light_power_sigma=photometry.light_power_sigma,
+        registration_sigma=camera.registration_sigma(border),
+        falloff_sigma=float(np.median([photometry.falloff_sigma(v, light.value, border) for v in views])),
     )
     return replace(stack, light_position=light_position(stack, light.value))
+
+
+def _border(grid: Grid) -> Array:
+    """Return the corners and the middles of the sides of the area, sample frame, mm, shape (8, 3)."""
+    half = 0.5 * grid.pitch * np.array([grid.width, grid.height])
+    around = [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y]
+    return np.pad(np.array(around, np.float64) * half, ((0, 0), (0, 1)))

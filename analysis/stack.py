@@ -53,6 +53,12 @@ class Stack:
         Sample to camera (x right, y down, z forward); lets a light offset be stated in the camera frame.
     light_offset, light_offset_sigma : ndarray, shape (3,), or None
         Of the light from the lens in the camera frame, mm, with one standard deviation.
+    light_power_sigma : ndarray, shape (N,), or None
+        One standard deviation of each view's power relative to the others, as a share of it.
+    registration_sigma : ndarray, shape (N,), or None
+        How far each view may be shifted against the grid, one standard deviation per axis, mm.
+    falloff_sigma : float or None
+        Error left in the correction of vignetting and lobe, one standard deviation, as a share, at the area's border.
     followed : ndarray, shape (H, W), or None
         Depth in mm along which the views are resampled where pixels are taken from them; None = as registered.
     truth : Truth or None
@@ -71,6 +77,9 @@ class Stack:
     camera_rotation: Array | None = None
     light_offset: Array | None = None
     light_offset_sigma: Array | None = None
+    light_power_sigma: Array | None = None
+    registration_sigma: Array | None = None
+    falloff_sigma: float | None = None
     followed: Array | None = None
     truth: Truth | None = None
     notes: dict[str, str] = field(default_factory=dict)
@@ -85,19 +94,20 @@ class Stack:
         """N."""
         return int(self.radiance.shape[0])
 
+    @property
+    def states_errors(self) -> bool:
+        """Whether it says how well its geometry and its light are known."""
+        stated = (self.light_offset_sigma, self.light_power_sigma, self.registration_sigma, self.falloff_sigma)
+        return any(value is not None for value in stated)
+
     def with_views(self, views: NDArray[np.int64]) -> Stack:
         """Return the stack of these views only."""
-        variance, saturated, rotation = self.variance, self.saturated, self.camera_rotation
-        return replace(
-            self,
-            radiance=self.radiance[views],
-            camera_position=self.camera_position[views],
-            light_position=self.light_position[views],
-            light_power=self.light_power[views],
-            variance=None if variance is None else variance[views],
-            saturated=None if saturated is None else saturated[views],
-            camera_rotation=None if rotation is None else rotation[views],
-        )
+        of_views = (
+            "radiance", "camera_position", "light_position", "light_power", "variance", "saturated",
+            "camera_rotation", "light_power_sigma", "registration_sigma",
+        )  # fmt: skip
+        values = {name: getattr(self, name) for name in of_views}
+        return replace(self, **{name: value[views] for name, value in values.items() if value is not None})
 
     def without_view(self, view: int) -> Stack:
         """Return the stack with one view that no solver looks at; no radiance is copied."""

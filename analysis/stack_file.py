@@ -31,8 +31,10 @@ MAX_BYTES = 48 * 2**30
 """Largest radiance that is read: a size beyond it is a damaged or hostile file, not a capture."""
 
 # Lengths, angles and shares of the geometry, with the attribute of `Stack` that has the same name.
-_LENGTHS = ("camera_position", "light_position", "pixel_pitch", "light_offset", "light_offset_sigma")
-_OTHERS = ("light_power", "camera_rotation")
+_LENGTHS = (
+    "camera_position", "light_position", "pixel_pitch", "light_offset", "light_offset_sigma", "registration_sigma",
+)  # fmt: skip
+_OTHERS = ("light_power", "camera_rotation", "light_power_sigma", "falloff_sigma")
 
 
 class StackWriter:
@@ -220,6 +222,9 @@ def _check(file: Any) -> Iterator[Problem]:
         f"{_GEOMETRY}/camera_rotation": (n, 3, 3),
         f"{_GEOMETRY}/light_offset": (3,),
         f"{_GEOMETRY}/light_offset_sigma": (3,),
+        f"{_GEOMETRY}/light_power_sigma": (n,),
+        f"{_GEOMETRY}/registration_sigma": (n,),
+        f"{_GEOMETRY}/falloff_sigma": (),
         "/entry/truth/normals": (*shape[1:3], 3),
         "/entry/truth/depth": shape[1:3],
         "/entry/truth/material": shape[1:3],
@@ -263,6 +268,7 @@ def _read(file: Any) -> Stack:
     if not _stays_on_disk([dataset for dataset in found.values() if dataset is not None]):
         found = {name: optional(f"/entry/stack/{name}", dtype) for name, dtype in pictures.items()}
     light_power = optional(f"{_GEOMETRY}/light_power", np.float64)
+    falloff_sigma = optional(f"{_GEOMETRY}/falloff_sigma", np.float64)
     normals, depth = optional("/entry/truth/normals", np.float64), optional("/entry/truth/depth", np.float64)
     pixels = radiance.attrs.get("pixels", file["/entry/stack"].attrs.get("pixels", "surface"))
     return Stack(
@@ -277,6 +283,9 @@ def _read(file: Any) -> Stack:
         camera_rotation=optional(f"{_GEOMETRY}/camera_rotation", np.float64),
         light_offset=optional(f"{_GEOMETRY}/light_offset", np.float64),
         light_offset_sigma=optional(f"{_GEOMETRY}/light_offset_sigma", np.float64),
+        light_power_sigma=optional(f"{_GEOMETRY}/light_power_sigma", np.float64),
+        registration_sigma=optional(f"{_GEOMETRY}/registration_sigma", np.float64),
+        falloff_sigma=None if falloff_sigma is None else float(falloff_sigma),
         notes={k: str(v) for k, v in file["/entry"].attrs.items() if k in NOTES},
         truth=_truth(normals, depth, optional("/entry/truth/material", np.int64)),
     )

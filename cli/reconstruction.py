@@ -51,6 +51,14 @@ def calibrate(session: Path, output: Path, pitch: float | None, json_file: Path 
         f"of {stack.pixel_pitch:g} mm; "
         f"corners {figures['corner_rms_px']:.3f} px RMS, white {100 * figures['white_rms']:.2f} % RMS"
     )
+    click.echo(budget_text(figures["error_budget_deg"]))
+
+
+def budget_text(contributions: dict[str, float]) -> str:
+    """Return what each source adds to the normals, the largest first."""
+    ordered = sorted(contributions.items(), key=lambda item: -item[1])
+    each = ", ".join(f"{name} {deg:.3f}" for name, deg in ordered)
+    return f"errors of the normals, deg per axis: {each}; {ordered[0][0]} dominates"
 
 
 def stack_from_session(
@@ -62,8 +70,9 @@ def stack_from_session(
     from instrument.session import Session
 
     with Session(session) as opened:
-        calibration = register(opened, output, pitch, stages)
-    return read_stack(output), calibration.as_dict()
+        calibration, budget = register(opened, output, pitch, stages)
+    figures = {**calibration.as_dict(), "error_budget_deg": budget.contributions}
+    return read_stack(output), figures
 
 
 @click.command(epilog="Example: halfangle reconstruct area.stack.h5 -o area.result.h5 --accuracy best")
@@ -189,6 +198,8 @@ def figures_table(summary: dict[str, Any]) -> str:
         shape = summary["depth_shape"]
         tilt = f"({shape['tilt_x']:.5f}, {shape['tilt_y']:.5f}) mm/mm"
         text.append(f"plane and bowl in the depth: tilt {tilt}, bowl {shape['sag']:.4f} mm deep")
+    if "error_budget_deg" in summary:
+        text.append(budget_text(summary["error_budget_deg"]))
     if summary["n_unsolved"]:
         text.append(f"{summary['n_unsolved']} of {summary['n_pixels']} pixels unsolved (see flags)")
     if summary["left_out"]:
