@@ -24,6 +24,7 @@ from analysis.photometry import Photometry, WhiteSamples, fit_photometry
 from analysis.rectification import Grid, Rectified, View, rectify
 from analysis.stack import Stack
 from analysis.stages import Stages
+from analysis.stated import stated
 from instrument.session import Session
 from instrument.validation import InvalidInputError, Problem
 
@@ -99,6 +100,7 @@ def register(session: Session, pitch: float | None = None, stages: Stages | None
         If there are too few poses, or too few that show the boards.
     """
     stages = stages or Stages()
+    nominal = stated(session)
     frames = MergedFrames(session)
     with stages.measure("boards"):
         found = [_detect(frames, int(i), session) for i in frames.i_pose]
@@ -109,18 +111,18 @@ def register(session: Session, pitch: float | None = None, stages: Stages | None
     i_pose = frames.i_pose[usable]
     with stages.measure("camera"):
         corners = [c for c, ok in zip(found, usable, strict=True) if ok]
-        camera = calibrate_camera(corners, frames.image_size, session.focal_length_px)
+        camera = calibrate_camera(corners, frames.image_size, nominal.focal_length_px)
     views = tuple(
         View(camera.camera_matrix, camera.distortion, R, t)
         for R, t in zip(camera.rotation, camera.translation, strict=True)
     )
     footprint = float(np.median(camera.translation[:, 2]) / camera.camera_matrix[0, 0])
-    grid = Grid.covering(session.area_mm, pitch or round(GRID_PER_PIXEL * footprint, 3))
+    grid = Grid.covering(nominal.area_mm, pitch or round(GRID_PER_PIXEL * footprint, 3))
     with stages.measure("registration"):
         on_boards = [white_points(b, _BOARD_SPACING_MM, _BOARD_CLEARANCE_PX * footprint) for b in session.boards]
-        border = border_points(session.boards, session.area_mm, _BORDER_SPACING_MM, _BORDER_CLEARANCE_MM)
+        border = border_points(session.boards, nominal.area_mm, _BORDER_SPACING_MM, _BORDER_CLEARANCE_MM)
         raw, white = _resample(frames, i_pose, views, grid, [*on_boards, border])
-    prior = LightOffset(session.light_offset_mm, np.full(3, float(np.max(session.light_offset_sigma_mm))))
+    prior = LightOffset(nominal.light_offset_mm, np.full(3, float(np.max(nominal.light_offset_sigma_mm))))
     with stages.measure("light"):
         light = _find_light(raw, white, views, grid, prior, frames.image_size)
         photometry = fit_photometry(white, views, light.value, frames.image_size)

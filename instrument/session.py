@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from instrument import layout
 from instrument.digests import chain_digest
+from instrument.import_plan import is_import
 from instrument.layout import Status
 from instrument.records import Board, CameraRecord
 from instrument.session_reader import SessionReader
@@ -34,7 +35,7 @@ class Session(SessionReader):
 
     @property
     def title(self) -> str:
-        """Name of the protocol."""
+        """Name of the protocol or of the import."""
         return self._text(layout.TITLE)
 
     @property
@@ -72,13 +73,16 @@ class Session(SessionReader):
     @cached_property
     def camera(self) -> CameraRecord:
         """The camera and its nominal levels."""
-        height, width = self._file[layout.IMAGES.path].shape[2:]
+        images = self._file[layout.IMAGES.path]
+        height, width, *channels = images.shape[2:]
         return CameraRecord(
             make=self._text(layout.MAKE),
             model=self._text(layout.MODEL),
             serial_number=self._text(layout.SERIAL),
             height=int(height),
             width=int(width),
+            n_channels=int(channels[0]) if channels else 1,
+            dtype=images.dtype.str[1:],
             bit_depth=int(self._scalar(layout.BIT_DEPTH)),
             black_level=self._scalar(layout.BLACK_LEVEL),
             saturation_value=self._scalar(layout.SATURATION),
@@ -104,7 +108,9 @@ class Session(SessionReader):
         return self._array(layout.FRAME_OK).astype(bool)
 
     def frames(self, i_pose: int) -> NDArray[np.uint16]:
-        """Return the raw frames of one pose, shape (E, H, W), counts.
+        """Return the raw frames of one pose, shape (E, H, W) or (E, H, W, 3), counts.
+
+        They are float32 where the pictures came as floating-point numbers; one that is not valid is 0.
 
         Raises
         ------
@@ -118,7 +124,7 @@ class Session(SessionReader):
         return self._array(layout.IMAGES, i_pose)
 
     def frame(self, i_pose: int, i_exposure: int) -> NDArray[np.uint16]:
-        """Return one raw frame, shape (H, W), counts."""
+        """Return one raw frame, shape (H, W) or (H, W, 3), counts."""
         return self._array(layout.IMAGES, (i_pose, i_exposure))
 
     @property
@@ -128,12 +134,15 @@ class Session(SessionReader):
 
     @property
     def dark(self) -> NDArray[np.float32] | None:
-        """Mean dark frame of each exposure time, shape (E, H, W), counts; None if not taken."""
+        """Mean dark frame of each exposure time, shape (E, H, W) or (E, H, W, 3), counts; None if not taken."""
         return self._array(layout.DARK) if self.has_darks else None
 
     @property
     def dark_variance(self) -> NDArray[np.float32] | None:
-        """Variance of a single dark frame, shape (E, H, W), counts squared; None if not taken."""
+        """Variance of a single dark frame, shape of `dark`, counts squared; None if not taken.
+
+        NaN where an import had one dark frame only.
+        """
         return self._array(layout.DARK_VARIANCE) if self.has_darks else None
 
     @property
@@ -158,39 +167,110 @@ class Session(SessionReader):
 
     @property
     def saturated_fraction(self) -> NDArray[np.float64]:
-        """Share of clipped pixels, shape (P, E)."""
+        """Share of clipped pixels, shape (P, E); NaN where there is no frame."""
         return self._array(layout.SATURATED_FRACTION)
 
     @cached_property
     def boards(self) -> tuple[Board, ...]:
-        """The marker boards in the sample plane."""
+        """The boards in the sample plane."""
         return tuple(self._board(index) for index in range(n_boards(self._file)))
 
     @cached_property
-    def light_offset_mm(self) -> NDArray[np.float64]:
-        """Nominal light position in the camera frame, shape (3,), mm."""
-        return self._array(layout.LIGHT_OFFSET)
+    def light_offset_mm(self) -> NDArray[np.float64] | None:
+        """Nominal light position in the camera frame, shape (3,), mm; None if not stated."""
+        return self._stated(layout.LIGHT_OFFSET)
 
     @cached_property
-    def light_offset_sigma_mm(self) -> NDArray[np.float64]:
-        """Standard deviation of `light_offset_mm`, shape (3,), mm."""
-        return self._array(layout.LIGHT_OFFSET_SIGMA)
+    def light_offset_sigma_mm(self) -> NDArray[np.float64] | None:
+        """Standard deviation of `light_offset_mm`, shape (3,), mm; None if not stated."""
+        return self._stated(layout.LIGHT_OFFSET_SIGMA)
 
     @cached_property
-    def area_mm(self) -> tuple[float, float]:
-        """Width and height of the area to reconstruct, mm."""
-        width, height = self._array(layout.AREA)
-        return float(width), float(height)
+    def area_mm(self) -> tuple[float, float] | None:
+        """Width and height of the area to reconstruct, mm; None if not stated."""
+        area = self._stated(layout.AREA)
+        return None if area is None else (float(area[0]), float(area[1]))
 
     @property
-    def working_distance_mm(self) -> float:
-        """Lens to sample, nominal, mm."""
-        return self._scalar(layout.WORKING_DISTANCE)
+    def pixel_pitch_mm(self) -> float | None:
+        """Wanted size of a pixel of the area, mm; None if not stated."""
+        return self._stated_scalar(layout.PIXEL_PITCH)
 
     @property
-    def focal_length_px(self) -> float:
-        """Nominal focal length, pixels."""
-        return self._scalar(layout.FOCAL_LENGTH)
+    def working_distance_mm(self) -> float | None:
+        """Lens to sample, nominal, mm; None if not stated."""
+        return self._stated_scalar(layout.WORKING_DISTANCE)
+
+    @property
+    def focal_length_px(self) -> float | None:
+        """Nominal focal length, pixels; None if not stated."""
+        return self._stated_scalar(layout.FOCAL_LENGTH)
+
+    @property
+    def nominal_camera_matrix(self) -> NDArray[np.float64] | None:
+        """Intrinsics as stated, shape (3, 3), pixels (integer = centre of a pixel); None if not stated."""
+        return self._stated(layout.CAMERA_MATRIX)
+
+    @property
+    def nominal_distortion(self) -> NDArray[np.float64] | None:
+        """Distortion as stated, shape (5,): k1, k2, p1, p2, k3 in OpenCV's order; None if not stated."""
+        return self._stated(layout.DISTORTION)
+
+    @property
+    def black_level_cell(self) -> NDArray[np.float64] | None:
+        """Black level at each place of the 2 x 2 cell, shape (2, 2), counts; None if `camera.black_level` is all."""
+        return self._stated(layout.BLACK_LEVEL_CELL)
+
+    @property
+    def response(self) -> NDArray[np.float32] | None:
+        """Given curve of frames that are not linear, shape (1 or 3, L); None if there is none.
+
+        Linear value of each count 0 to L - 1, 1 at the largest one; one row for all channels, or one each.
+        """
+        return self._stated(layout.RESPONSE)
+
+    @property
+    def response_times(self) -> NDArray[np.float64]:
+        """Exposure times of the pictures to estimate the response from, shape (R,), seconds; R = 0 if none."""
+        return self._array_or_empty(layout.RESPONSE_TIME)
+
+    def response_images(self, i: int) -> NDArray[np.uint16]:
+        """Return one picture of a still scene to estimate the response from, shape of a frame, counts."""
+        return self._array(layout.RESPONSE_IMAGES, i)
+
+    @property
+    def flat_times(self) -> NDArray[np.float64]:
+        """Exposure times of the pictures of an even plane, shape (F,), seconds; F = 0 if none."""
+        return self._array_or_empty(layout.FLAT_TIME)
+
+    @property
+    def flat_distances_mm(self) -> NDArray[np.float64]:
+        """Distance of each such plane from the lens, shape (F,), mm; NaN = not stated."""
+        return self._array_or_empty(layout.FLAT_DISTANCE)
+
+    def flat_images(self, i: int) -> NDArray[np.uint16]:
+        """Return one picture of an even plane, shape of a frame, counts."""
+        return self._array(layout.FLAT_IMAGES, i)
+
+    @property
+    def ambient_times(self) -> NDArray[np.float64]:
+        """Exposure time of each pose's picture without the light, shape (P,), seconds; NaN where there is none."""
+        index = self._ambient_of_pose
+        if (index < 0).all():
+            return np.full(self.n_poses, np.nan)
+        times = self._array(layout.AMBIENT_TIME)
+        with self._reading(layout.AMBIENT_OF_POSE):
+            return np.where(index < 0, np.nan, times[index])
+
+    def ambient(self, i_pose: int) -> NDArray[np.uint16] | None:
+        """Return what one pose looks like without the light, shape of a frame, counts; None if there is none."""
+        index = int(self._ambient_of_pose[i_pose])
+        return None if index < 0 else self._array(layout.AMBIENT_IMAGES, index)
+
+    @cached_property
+    def _ambient_of_pose(self) -> NDArray[np.int32]:
+        stated = self._stated(layout.AMBIENT_OF_POSE)
+        return np.full(self.n_poses, -1, np.int32) if stated is None else stated
 
     @property
     def plan_json(self) -> str:
@@ -203,23 +283,28 @@ class Session(SessionReader):
         return self._text(layout.PLAN_SHA256)
 
     @property
+    def is_imported(self) -> bool:
+        """Whether it holds pictures from elsewhere instead of a capture."""
+        return is_import(self.plan_json)
+
+    @property
     def rig_text(self) -> str:
-        """The rig file as its author wrote it."""
-        return self._text(layout.RIG_TEXT)
+        """The rig file as its author wrote it; empty for an import."""
+        return self._text(layout.RIG_TEXT) if layout.RIG_TEXT.path in self._file else ""
 
     @property
     def rig_json(self) -> str:
-        """The rig's values with the defaults of the day of the capture."""
-        return self._text(layout.RIG_JSON)
+        """The rig's values with the defaults of the day of the capture; empty for an import."""
+        return self._text(layout.RIG_JSON) if layout.RIG_JSON.path in self._file else ""
 
     @property
     def protocol_text(self) -> str:
-        """The protocol file as its author wrote it."""
+        """The protocol file, or the `capture.toml` of an import, as its author wrote it."""
         return self._text(layout.PROTOCOL_TEXT)
 
     @property
     def frame_digests(self) -> list[list[str]]:
-        """SHA-256 of each frame, P lists of E; empty texts where not captured."""
+        """SHA-256 of each frame, P lists of E; empty texts where there is none."""
         texts = self._texts(layout.FRAME_DIGEST)
         n_exposures = len(self.exposure_times)
         return [texts[i : i + n_exposures] for i in range(0, len(texts), n_exposures)]
