@@ -18,7 +18,7 @@ COMMANDS = {
     "capture": ("cli.capture:capture", "Capture a protocol on a rig into a session."),
     "resume": ("cli.capture:resume", "Go on with an interrupted session."),
     "session": ("cli.session:session", "Look at and verify session files."),
-    "import": ("cli.importing:import_pictures", "Bring in registered pictures from elsewhere."),
+    "import": ("cli.importing:import_pictures", "Bring in pictures from elsewhere."),
     "calibrate": ("cli.reconstruction:calibrate", "Session to registered stack."),
     "reconstruct": ("cli.reconstruction:reconstruct", "Session or stack to normals, depth and BRDF."),
     "render": ("cli.reconstruction:render", "Predict the picture from any camera and light."),

@@ -57,6 +57,6 @@ def _summary_or_none(path: Path) -> list[dict[str, Any]]:
 
 
 def _largest(clipped: np.ndarray[Any, np.dtype[np.float64]]) -> list[float | None]:
-    """Return the largest value of each column, None where no pose is complete."""
-    rows = clipped[np.isfinite(clipped).all(axis=1)]
-    return rows.max(axis=0).tolist() if len(rows) else [None] * clipped.shape[1]
+    """Return the largest value of each column, None where no complete pose has a frame."""
+    columns = (column[np.isfinite(column)] for column in clipped.T)
+    return [float(column.max()) if column.size else None for column in columns]
