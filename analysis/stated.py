@@ -63,5 +63,8 @@ def _missing(session: Session) -> Iterator[Problem]:
     for i, board in enumerate(session.boards):
         if board.kind != "charuco" or not board.is_placed:
             yield Problem(f"boards[{i}]", "only charuco boards with a stated corner_mm can be used")
+    for name in ("conversion_gain", "read_noise"):
+        if not np.isfinite(getattr(session.camera, name)):
+            yield Problem(name, "is not known; state it in [camera] in capture.toml and import again")
     if session.camera.n_channels > 1 or session.camera.dtype != "u2":
         yield Problem("images", "only raw counts, monochrome or in a mosaic, can be used")

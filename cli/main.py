@@ -17,7 +17,7 @@ COMMANDS = {
     "plan": ("cli.capture:plan", "Dry run of a protocol: poses, frames, time, bytes."),
     "capture": ("cli.capture:capture", "Capture a protocol on a rig into a session."),
     "resume": ("cli.capture:resume", "Go on with an interrupted session."),
-    "session": ("cli.session:session", "Look at and verify session files."),
+    "session": ("cli.session:session", "Look at, verify and export session files."),
     "import": ("cli.importing:import_pictures", "Bring in pictures from elsewhere."),
     "calibrate": ("cli.reconstruction:calibrate", "Session to registered stack."),
     "reconstruct": ("cli.reconstruction:reconstruct", "Session or stack to normals, depth and BRDF."),

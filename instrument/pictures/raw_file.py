@@ -16,7 +16,7 @@ def read_raw(path: Path) -> Picture:
         if raw.raw_type == rawpy.RawType.Stack:
             # A fourth channel is there for sensors of four colours only.
             return Picture(pixels[..., :3], "", _plain(raw.black_level_per_channel), _white(raw))
-        if raw.raw_pattern is None:
+        if raw.raw_pattern is None or raw.num_colors == 1:
             return Picture(pixels, "", _plain(raw.black_level_per_channel), _white(raw))
         _check_mosaic(raw.raw_pattern.shape)
         cell = [int(colour) for colour in raw.raw_colors_visible[:2, :2].ravel()]
