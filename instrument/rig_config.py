@@ -97,6 +97,8 @@ def rig_misfits(boards: Mapping[int, BoardConfig], geometry: GeometryConfig | No
     """Yield where and why tables that are well formed by themselves do not fit each other."""
     yield from board_misfits(boards, None if geometry is None else geometry.rectangle, "geometry.area_mm")
     for i, board in boards.items():
-        if board.kind != "charuco" or board.corner_mm is None:
-            what = "the simulated rig shows charuco boards only, and corner_mm in numbers"
-            yield ("boards", i, "kind"), f"boards[{i}].kind: {what}"
+        # The one driver that there is draws its boards itself.
+        if board.kind != "charuco":
+            yield ("boards", i, "kind"), f"boards[{i}].kind is {board.kind!r}; the simulated rig shows 'charuco' only"
+        if board.corner_mm is None:
+            yield ("boards", i, "corner_mm"), f"boards[{i}].corner_mm: the simulated rig needs the place in numbers"

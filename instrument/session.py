@@ -11,12 +11,12 @@ from instrument import layout
 from instrument.digests import chain_digest
 from instrument.import_plan import is_import
 from instrument.layout import Status
-from instrument.records import Board, CameraRecord
-from instrument.session_reader import SessionReader
-from instrument.structure import axis_names, n_boards
+from instrument.records import CameraRecord
+from instrument.session_beside import BesideReader
+from instrument.structure import axis_names
 
 
-class Session(SessionReader):
+class Session(BesideReader):
     """One capture, open to read.
 
     Values are read when they are asked for, and small ones are kept. Indices of poses and exposures
@@ -59,11 +59,6 @@ class Session(SessionReader):
         text = self._text(layout.STATUS)
         with self._reading(layout.STATUS):
             return Status(text)
-
-    @cached_property
-    def n_poses(self) -> int:
-        """P, how many poses the plan has."""
-        return int(self._file[layout.IMAGES.path].shape[0])
 
     @cached_property
     def exposure_times(self) -> NDArray[np.float64]:
@@ -170,108 +165,6 @@ class Session(SessionReader):
         """Share of clipped pixels, shape (P, E); NaN where there is no frame."""
         return self._array(layout.SATURATED_FRACTION)
 
-    @cached_property
-    def boards(self) -> tuple[Board, ...]:
-        """The boards in the sample plane."""
-        return tuple(self._board(index) for index in range(n_boards(self._file)))
-
-    @cached_property
-    def light_offset_mm(self) -> NDArray[np.float64] | None:
-        """Nominal light position in the camera frame, shape (3,), mm; None if not stated."""
-        return self._stated(layout.LIGHT_OFFSET)
-
-    @cached_property
-    def light_offset_sigma_mm(self) -> NDArray[np.float64] | None:
-        """Standard deviation of `light_offset_mm`, shape (3,), mm; None if not stated."""
-        return self._stated(layout.LIGHT_OFFSET_SIGMA)
-
-    @cached_property
-    def area_mm(self) -> tuple[float, float] | None:
-        """Width and height of the area to reconstruct, mm; None if not stated."""
-        area = self._stated(layout.AREA)
-        return None if area is None else (float(area[0]), float(area[1]))
-
-    @property
-    def pixel_pitch_mm(self) -> float | None:
-        """Wanted size of a pixel of the area, mm; None if not stated."""
-        return self._stated_scalar(layout.PIXEL_PITCH)
-
-    @property
-    def working_distance_mm(self) -> float | None:
-        """Lens to sample, nominal, mm; None if not stated."""
-        return self._stated_scalar(layout.WORKING_DISTANCE)
-
-    @property
-    def focal_length_px(self) -> float | None:
-        """Nominal focal length, pixels; None if not stated."""
-        return self._stated_scalar(layout.FOCAL_LENGTH)
-
-    @property
-    def nominal_camera_matrix(self) -> NDArray[np.float64] | None:
-        """Intrinsics as stated, shape (3, 3), pixels (integer = centre of a pixel); None if not stated."""
-        return self._stated(layout.CAMERA_MATRIX)
-
-    @property
-    def nominal_distortion(self) -> NDArray[np.float64] | None:
-        """Distortion as stated, shape (5,): k1, k2, p1, p2, k3 in OpenCV's order; None if not stated."""
-        return self._stated(layout.DISTORTION)
-
-    @property
-    def black_level_cell(self) -> NDArray[np.float64] | None:
-        """Black level at each place of the 2 x 2 cell, shape (2, 2), counts; None if `camera.black_level` is all."""
-        return self._stated(layout.BLACK_LEVEL_CELL)
-
-    @property
-    def response(self) -> NDArray[np.float32] | None:
-        """Given curve of frames that are not linear, shape (1 or 3, L); None if there is none.
-
-        Linear value of each count 0 to L - 1, 1 at the largest one; one row for all channels, or one each.
-        """
-        return self._stated(layout.RESPONSE)
-
-    @property
-    def response_times(self) -> NDArray[np.float64]:
-        """Exposure times of the pictures to estimate the response from, shape (R,), seconds; R = 0 if none."""
-        return self._array_or_empty(layout.RESPONSE_TIME)
-
-    def response_images(self, i: int) -> NDArray[np.uint16]:
-        """Return one picture of a still scene to estimate the response from, shape of a frame, counts."""
-        return self._array(layout.RESPONSE_IMAGES, i)
-
-    @property
-    def flat_times(self) -> NDArray[np.float64]:
-        """Exposure times of the pictures of an even plane, shape (F,), seconds; F = 0 if none."""
-        return self._array_or_empty(layout.FLAT_TIME)
-
-    @property
-    def flat_distances_mm(self) -> NDArray[np.float64]:
-        """Distance of each such plane from the lens, shape (F,), mm; NaN = not stated."""
-        return self._array_or_empty(layout.FLAT_DISTANCE)
-
-    def flat_images(self, i: int) -> NDArray[np.uint16]:
-        """Return one picture of an even plane, shape of a frame, counts."""
-        return self._array(layout.FLAT_IMAGES, i)
-
-    @property
-    def ambient_times(self) -> NDArray[np.float64]:
-        """Exposure time of each pose's picture without the light, shape (P,), seconds; NaN where there is none."""
-        index = self._ambient_of_pose
-        if (index < 0).all():
-            return np.full(self.n_poses, np.nan)
-        times = self._array(layout.AMBIENT_TIME)
-        with self._reading(layout.AMBIENT_OF_POSE):
-            return np.where(index < 0, np.nan, times[index])
-
-    def ambient(self, i_pose: int) -> NDArray[np.uint16] | None:
-        """Return what one pose looks like without the light, shape of a frame, counts; None if there is none."""
-        index = int(self._ambient_of_pose[i_pose])
-        return None if index < 0 else self._array(layout.AMBIENT_IMAGES, index)
-
-    @cached_property
-    def _ambient_of_pose(self) -> NDArray[np.int32]:
-        stated = self._stated(layout.AMBIENT_OF_POSE)
-        return np.full(self.n_poses, -1, np.int32) if stated is None else stated
-
     @property
     def plan_json(self) -> str:
         """The plan in canonical form."""
@@ -323,17 +216,3 @@ class Session(SessionReader):
         """Return the SHA-256 over the plan and the frames of all complete poses, for provenance."""
         complete = zip(self.pose_complete, self.frame_digests, strict=True)
         return chain_digest([self.plan_sha256, *("".join(row) if whole else "-" for whole, row in complete)])
-
-    def _board(self, index: int) -> Board:
-        kind, dictionary, first_id, squares, square, marker, corner = layout.board_fields(index)
-        across, down = self._array(squares)
-        left, top = self._array(corner)
-        return Board(
-            kind=self._text(kind),
-            dictionary=self._text(dictionary),
-            first_id=int(self._scalar(first_id)),
-            squares=(int(across), int(down)),
-            square_mm=self._scalar(square),
-            marker_mm=self._scalar(marker),
-            corner_mm=(float(left), float(top)),
-        )

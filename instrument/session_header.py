@@ -46,7 +46,7 @@ class SessionHeader:
     geometry : Geometry
     boards : tuple of Board
     provenance : Provenance
-    light_serial, stage_serial : str
+    light_type, light_serial, stage_serial : str
         Empty where nobody knows.
     axes : tuple of AxisDescription
         Of the stage.
@@ -71,6 +71,7 @@ class SessionHeader:
     geometry: Geometry
     boards: tuple[Board, ...]
     provenance: Provenance
+    light_type: str = ""
     light_serial: str = ""
     stage_serial: str = ""
     axes: tuple[AxisDescription, ...] = ()

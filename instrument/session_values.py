@@ -57,7 +57,7 @@ def _device_values(header: SessionHeader) -> dict[Field, Any]:
         layout.CONVERSION_GAIN: camera.conversion_gain,
         layout.READ_NOISE: camera.read_noise,
         layout.BAYER_PATTERN: camera.bayer_pattern,
-        layout.LIGHT_TYPE: "LED",
+        layout.LIGHT_TYPE: header.light_type,
         layout.LIGHT_SERIAL: header.light_serial,
         layout.STAGE_SERIAL: header.stage_serial,
         layout.BOARDS_JSON: json.dumps([_board_values(board) for board in header.boards]),

@@ -180,6 +180,7 @@ def _header(rig: Rig, protocol: ProtocolConfig, plan: Plan) -> SessionHeader:
         geometry=_geometry(rig.config),
         boards=tuple(board.record for board in rig.config.boards),
         provenance=Provenance(protocol.text, rig.config.text, rig.config.model_dump_json()),
+        light_type="LED",
         light_serial=light.serial_number,
         stage_serial=stage.serial_number,
         axes=stage.axes,

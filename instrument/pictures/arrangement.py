@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from instrument.import_plan import ImportPlan, Source
+from instrument.layout import LARGEST
 from instrument.pictures.brackets import exposure_indices, nominal_times, same_time, split_by_exposure
-from instrument.pictures.selection import Pick, Selection
+from instrument.pictures.finder import Pick
+from instrument.pictures.selection import Selection
 from instrument.pictures.survey import Surveyed
 from instrument.validation import Problem
 
@@ -115,6 +117,9 @@ def arrange(selection: Selection, surveyed: Mapping[Path, Surveyed]) -> Arrangem
 
 def arrangement_problems(arrangement: Arrangement) -> Iterator[Problem]:
     """Yield exposure times that do not fit each other."""
+    if len(arrangement.exposure_times) > LARGEST["E"]:
+        what = f"there are {len(arrangement.exposure_times)} of all pictures together; allowed are {LARGEST['E']}"
+        yield Problem("exposure times", what)
     for i_pose, pose in enumerate(arrangement.poses):
         yield from _repeated_times(i_pose, pose, arrangement.indices(i_pose))
     for dark in arrangement.darks:

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import reduce
 from operator import or_
 from pathlib import Path
 
 from instrument.config import load_settings
+from instrument.config_problems import dotted
 from instrument.pictures.arrangement import Arrangement, arrange, arrangement_problems, time_problems
 from instrument.pictures.capture_config import RESPONSE_REMEDY, CaptureConfig, capture_misfits
 from instrument.pictures.consistency import consistency_problems
-from instrument.pictures.response import Curve, CurveError, given_curve
-from instrument.pictures.selection import Complaint, select
+from instrument.pictures.response import Curve, given_curve
+from instrument.pictures.selection import select
 from instrument.pictures.sensor import Sensor, sensor_of
 from instrument.pictures.survey import Watcher, survey
-from instrument.toml_lines import TomlLines
-from instrument.validation import Problem, raise_if_any
+from instrument.toml_lines import KeyPath, TomlLines
+from instrument.validation import InvalidInputError, Problem, raise_if_any
 
 CAPTURE_FILE = "capture.toml"
 
@@ -71,61 +73,65 @@ def prepare_import(folder: Path, capture_file: Path, watch: Watcher = lambda don
     """
     config = load_capture(capture_file)
     title = f"{folder} cannot be imported"
-    selection, complaints = select(config, folder)
-    good, bad = survey(dict.fromkeys(pick.path for pick in selection.all()), watch)
-    names = {pick.path: pick.name for pick in selection.all()}
+    place = _Place(capture_file.name, TomlLines(config.text))
+    arrangement = _arranged(config, folder, place, title, watch)
     raise_if_any(
         title,
         [
-            *_placed(complaints, config, capture_file),
-            *(Problem(names[path], why) for path, why in bad.items()),
-            *time_problems(selection, good),
+            *arrangement_problems(arrangement),
+            *consistency_problems(arrangement),
+            *_linearity_problems(config, arrangement, place),
         ],
     )
-    arrangement = arrange(selection, good)
-    problems = [*arrangement_problems(arrangement), *consistency_problems(arrangement)]
-    problems += _linearity_problems(config, arrangement, capture_file)
-    raise_if_any(title, problems)
-    sensor = _sensor(config, arrangement, capture_file, title)
-    return Import(config, arrangement, sensor, _curve(config, sensor, folder, capture_file, title))
+    with _blaming(place, ("camera",), title):
+        sensor = _sensor(config, arrangement)
+    with _blaming(place, ("response", "curve"), title):
+        curve = None if config.response is None else given_curve(config.response, 2**sensor.camera.bit_depth, folder)
+    return Import(config, arrangement, sensor, curve)
 
 
-def _placed(complaints: list[Complaint], config: CaptureConfig, capture_file: Path) -> Iterator[Problem]:
-    lines = TomlLines(config.text)
-    for line, what in sorted((lines.line(key), what) for key, what in complaints):
-        yield Problem(f"{capture_file.name}:{line}", what)
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where the keys of a `capture.toml` stand."""
+
+    name: str
+    lines: TomlLines
+
+    def of(self, key: KeyPath) -> str:
+        return f"{self.name}:{self.lines.line(key)}"
 
 
-def _linearity_problems(config: CaptureConfig, arrangement: Arrangement, capture_file: Path) -> Iterator[Problem]:
-    lines = TomlLines(config.text)
+@contextmanager
+def _blaming(place: _Place, key: KeyPath, title: str) -> Iterator[None]:
+    """Turn a ValueError into a problem at `key`."""
+    try:
+        yield
+    except ValueError as error:
+        raise InvalidInputError(title, [Problem(place.of(key), f"{dotted(key)}: {error}")]) from None
+
+
+def _arranged(config: CaptureConfig, folder: Path, place: _Place, title: str, watch: Watcher) -> Arrangement:
+    """Find the pictures, look at all of them, and put them in their places."""
+    selection, complaints = select(config, folder)
+    names = {pick.path: pick.name for pick in selection.all()}
+    good, bad = survey(names, watch)
+    problems = [Problem(place.of(key), what) for key, what in sorted(complaints, key=lambda c: place.lines.line(c[0]))]
+    problems += [Problem(names[path], why) for path, why in bad.items()]
+    raise_if_any(title, [*problems, *time_problems(selection, good)])
+    return arrange(selection, good)
+
+
+def _linearity_problems(config: CaptureConfig, arrangement: Arrangement, place: _Place) -> Iterator[Problem]:
     dtype = arrangement.frames[0].surveyed.dtype
     if dtype == "u1" and config.linear is None and config.response is None:
-        what = f"pictures of 8 bits are made for display and not proportional to light; {RESPONSE_REMEDY}. "
-        yield Problem(f"{capture_file.name}:1", f"{what}If they are proportional to light, set linear = true")
+        what = f"pictures of 8 bits are made for display and not proportional to light; {RESPONSE_REMEDY}"
+        yield Problem(place.of(()), f"{what}. If they are proportional to light, set linear = true")
     if dtype == "f4" and config.response is not None:
-        where = f"{capture_file.name}:{lines.line(('response',))}"
-        yield Problem(
-            where, "floating-point pictures must be linear; undo their curve before, and leave [response] out"
-        )
+        what = "floating-point pictures must be linear; undo their curve and leave [response] out"
+        yield Problem(place.of(("response",)), what)
 
 
-def _sensor(config: CaptureConfig, arrangement: Arrangement, capture_file: Path, title: str) -> Sensor:
+def _sensor(config: CaptureConfig, arrangement: Arrangement) -> Sensor:
     beside = (*arrangement.ambient, *arrangement.flats, *arrangement.response, *arrangement.darks)
     all_bits = reduce(or_, (frame.surveyed.any_bits for frame in (*arrangement.frames, *beside)))
-    try:
-        return sensor_of(config.camera, arrangement.frames, all_bits)
-    except ValueError as error:
-        line = TomlLines(config.text).line(("camera",))
-        raise_if_any(title, [Problem(f"{capture_file.name}:{line}", f"camera: {error}")])
-        raise
-
-
-def _curve(config: CaptureConfig, sensor: Sensor, folder: Path, capture_file: Path, title: str) -> Curve | None:
-    if config.response is None:
-        return None
-    try:
-        return given_curve(config.response, 2**sensor.camera.bit_depth, folder)
-    except CurveError as error:
-        line = TomlLines(config.text).line(("response", "curve"))
-        raise_if_any(title, [Problem(f"{capture_file.name}:{line}", f"response.curve: {error}")])
-        raise
+    return sensor_of(config.camera, arrangement.frames, all_bits)

@@ -89,7 +89,14 @@ def _bit_depth(table: CameraTable, frames: Sequence[Frame], all_bits: int, shift
 def _black_level(table: CameraTable, frames: Sequence[Frame], shift: int) -> tuple[float, ...]:
     if table.black_level is not None:
         return table.black_level * (4 // len(table.black_level))
-    return tuple(level / 2**shift for level in frames[0].surveyed.black_level or (0.0,) * 4)
+    stated = _stated_blacks(frames)
+    return (0.0,) * 4 if stated is None else tuple(np.median(stated, axis=0) / 2**shift)
+
+
+def _stated_blacks(frames: Sequence[Frame]) -> NDArray[np.float64] | None:
+    """Return the black levels that the files state, shape (n_files, 4), in their own units; None if they do not."""
+    levels = [frame.surveyed.black_level for frame in frames if frame.surveyed.black_level is not None]
+    return np.array(levels) if levels else None
 
 
 def _saturation_level(table: CameraTable, frames: Sequence[Frame], shift: int, depth: int) -> float:
@@ -108,5 +115,8 @@ def _notes(table: CameraTable, frames: Sequence[Frame], camera: CameraRecord) ->
             yield f"counts are taken to be {camera.bit_depth} bits deep; state bit_depth in [camera] if they are not"
         if first.black_level is None and table.black_level is None:
             yield "the black level is taken to be 0; state black_level in [camera], or add [darks], if it is not"
+    stated = _stated_blacks(frames)
+    if table.black_level is None and stated is not None and (np.ptp(stated, axis=0) > 0).any():
+        yield f"the pictures state black levels from {stated.min():g} to {stated.max():g}; the medians are used"
     if first.bayer_pattern is None and table.bayer_pattern is None and camera.n_channels == 1:
         yield "frames are taken to be monochrome; state bayer_pattern in [camera] if they are a mosaic"

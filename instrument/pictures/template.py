@@ -10,9 +10,9 @@ from pathlib import Path
 
 from instrument.pictures.brackets import same_time, split_by_exposure
 from instrument.pictures.exif import Shot, read_shot
+from instrument.pictures.finder import natural_order
 from instrument.pictures.picture import UnreadablePictureError
 from instrument.pictures.reading import READERS, is_picture, is_raw
-from instrument.pictures.selection import natural_order
 from instrument.pictures.survey import Surveyed, look_at
 from instrument.validation import InvalidInputError, Problem
 
@@ -41,18 +41,19 @@ def capture_template(folder: Path) -> str:
     except UnreadablePictureError as error:
         raise InvalidInputError(title, [Problem(paths[0].name, str(error))]) from None
     shots = [read_shot(path) for path in paths]
-    parts = (_head(folder, first), _light(first), _camera(first), _grouping(paths, shots), TAIL)
+    parts = (_head(folder, first), _light(first), _camera(first), _grouping(folder, paths, shots), TAIL)
     return "\n".join(line for part in parts for line in part) + "\n"
 
 
 def _pictures(folder: Path) -> list[Path]:
-    """Return the pictures of the kind that is closest to the sensor."""
+    """Return the pictures of the kind that is closest to the sensor; those in its folders if it has none itself."""
     kinds: dict[str, list[Path]] = defaultdict(list)
-    for path in folder.iterdir():
-        if path.is_file() and is_picture(path):
-            kinds[path.suffix].append(path)
+    for pattern in ("*", "*/*"):
+        for path in folder.glob(pattern) if not kinds else ():
+            if path.is_file() and is_picture(path):
+                kinds[path.suffix].append(path)
     best = min(kinds, key=lambda suffix: (_rank(suffix), -len(kinds[suffix])), default="")
-    return sorted(kinds[best], key=lambda path: natural_order(path.name)) if best else []
+    return sorted(kinds[best], key=lambda path: natural_order(path.relative_to(folder).as_posix())) if best else []
 
 
 def _rank(suffix: str) -> int:
@@ -115,10 +116,11 @@ def _levels(levels: tuple[float, ...] | None) -> float | list[float] | None:
     return levels[0] if len(set(levels)) == 1 else list(levels)
 
 
-def _grouping(paths: Sequence[Path], shots: Sequence[Shot]) -> Iterator[str]:
+def _grouping(folder: Path, paths: Sequence[Path], shots: Sequence[Shot]) -> Iterator[str]:
     yield ""
     yield "[grouping]"
-    yield f"glob = {json.dumps(f'*{paths[0].suffix}')}  # fits {len(paths)}"
+    folders = "" if paths[0].parent == folder else "*/"
+    yield f"glob = {json.dumps(f'{folders}*{paths[0].suffix}')}  # fits {len(paths)}"
     times = [shot.exposure_time for shot in shots if shot.exposure_time is not None]
     if len(times) < len(paths):
         yield f"exposure_times_s = [1.0]  # {len(paths) - len(times)} of them do not say it: state the true time"

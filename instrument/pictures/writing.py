@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from instrument import layout
-from instrument.layout import Field, Status
-from instrument.pictures.arrangement import Arrangement, Frame
-from instrument.pictures.capture_config import CaptureConfig, IntrinsicsTable
+from instrument.layout import Status
+from instrument.pictures.arrangement import Frame
+from instrument.pictures.header import pictures_beside, session_header
 from instrument.pictures.importing import Import
 from instrument.pictures.picture import UnreadablePictureError
 from instrument.pictures.reading import read_picture
 from instrument.pictures.survey import Watcher
 from instrument.pose_record import PoseRecord
 from instrument.recorder import Recorder
-from instrument.records import Geometry
 from instrument.session_file import create_session, refuse_existing
-from instrument.session_header import Provenance, SessionHeader
 from instrument.validation import InvalidInputError, Problem
 
 
@@ -48,7 +46,7 @@ def write_import(prepared: Import, path: Path, watch: Watcher = lambda done, tot
     refuse_existing(path)
     part = path.with_name(f".{path.name}.{os.getpid()}.import")
     try:
-        create_session(part, _header(prepared), _planned_bytes(prepared))
+        create_session(part, session_header(prepared), _planned_bytes(prepared))
         with Recorder(part) as recorder:
             _write_poses(recorder, prepared, watch)
             _write_beside(recorder, prepared)
@@ -86,7 +84,7 @@ def _record(prepared: Import, i_pose: int) -> PoseRecord:
 
 
 def _write_beside(recorder: Recorder, prepared: Import) -> None:
-    for field, frames in _beside(prepared.arrangement).items():
+    for field, frames in pictures_beside(prepared.arrangement).items():
         for i, frame in enumerate(frames):
             recorder.write_beside(field, i, _counts(frame, prepared))
     if prepared.arrangement.darks:
@@ -95,14 +93,6 @@ def _write_beside(recorder: Recorder, prepared: Import) -> None:
             recorder.write_beside(layout.DARK, i_exposure, mean)
             recorder.write_beside(layout.DARK_VARIANCE, i_exposure, variance)
             recorder.write_beside(layout.DARK_TIMESTAMP, i_exposure, np.zeros((), np.float32))
-
-
-def _beside(arrangement: Arrangement) -> dict[Field, Sequence[Frame]]:
-    return {
-        layout.AMBIENT_IMAGES: arrangement.ambient,
-        layout.FLAT_IMAGES: arrangement.flats,
-        layout.RESPONSE_IMAGES: arrangement.response,
-    }
 
 
 def _mean_and_variance(darks: Sequence[Frame], prepared: Import) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -129,74 +119,10 @@ def _counts(frame: Frame, prepared: Import) -> NDArray[Any]:
     return pixels if pixels.dtype.kind == "f" else pixels.astype(np.uint16) >> np.uint16(prepared.sensor.shift)
 
 
-def _header(prepared: Import) -> SessionHeader:
-    config, arrangement, plan = prepared.config, prepared.arrangement, prepared.arrangement.plan
-    shape = prepared.sensor.camera.frame_shape
-    return SessionHeader(
-        title=config.name,
-        sample=config.sample,
-        description=f"{config.name}: {config.sample or 'a sample'}, pictures from elsewhere",
-        plan_json=plan.json,
-        plan_sha256=plan.sha256,
-        n_poses=len(arrangement.poses),
-        exposure_times=arrangement.exposure_times,
-        camera=prepared.sensor.camera,
-        geometry=_geometry(config),
-        boards=tuple(board.record for board in config.boards),
-        provenance=Provenance(config.text),
-        has_darks=bool(arrangement.darks),
-        optional=dict(_optional(prepared)),
-        empty={field: (len(frames), *shape) for field, frames in _beside(arrangement).items() if frames},
-    )
-
-
-def _geometry(config: CaptureConfig) -> Geometry:
-    light, area = config.light, config.area
-    sigma = None if light is None else light.offset_sigma_mm
-    return Geometry(
-        area_mm=None if area is None else (area.width_mm, area.height_mm),
-        working_distance_mm=config.working_distance_mm,
-        focal_length_px=config.focal_length_px or _mean_focal_length(config.intrinsics),
-        light_offset_mm=None if light is None else light.offset_mm,
-        light_offset_sigma_mm=None if sigma is None else (sigma, sigma, sigma),
-    )
-
-
-def _mean_focal_length(intrinsics: IntrinsicsTable | None) -> float | None:
-    return None if intrinsics is None else (intrinsics.fx + intrinsics.fy) / 2
-
-
-def _optional(prepared: Import) -> Iterator[tuple[Field, Any]]:
-    config, arrangement = prepared.config, prepared.arrangement
-    yield layout.BLACK_LEVEL_CELL, prepared.sensor.black_level_cell
-    yield layout.RESPONSE, prepared.response
-    if config.area is not None:
-        yield layout.PIXEL_PITCH, config.area.pitch_mm
-    if config.intrinsics is not None:
-        yield layout.CAMERA_MATRIX, _camera_matrix(config.intrinsics)
-        yield layout.DISTORTION, np.pad(config.intrinsics.distortion, (0, 5 - len(config.intrinsics.distortion)))
-    if arrangement.ambient:
-        yield layout.AMBIENT_TIME, _times(arrangement.ambient)
-        yield layout.AMBIENT_OF_POSE, arrangement.ambient_of_pose
-    if arrangement.flats:
-        yield layout.FLAT_TIME, _times(arrangement.flats)
-        yield layout.FLAT_DISTANCE, arrangement.flat_distances
-    if arrangement.response:
-        yield layout.RESPONSE_TIME, _times(arrangement.response)
-
-
-def _camera_matrix(lens: IntrinsicsTable) -> NDArray[np.float64]:
-    return np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
-
-
-def _times(frames: Sequence[Frame]) -> list[float]:
-    return [frame.exposure_time for frame in frames]
-
-
 def _planned_bytes(prepared: Import) -> int:
     """Return the bytes that the session may need: frames uncompressed, previews, tables."""
     arrangement, camera = prepared.arrangement, prepared.sensor.camera
-    n_frames = len(arrangement.frames) + sum(map(len, _beside(arrangement).values()))
+    n_frames = len(arrangement.frames) + sum(map(len, pictures_beside(arrangement).values()))
     values = int(np.prod(camera.frame_shape))
     darks = 8 * len(arrangement.exposure_times) * values if arrangement.darks else 0
     return int(n_frames * values * np.dtype(camera.dtype).itemsize) + darks + 1_000_000

@@ -113,6 +113,16 @@ def test_a_session_of_a_later_format_is_refused(changed: Callable[[Change], Path
     assert "format 2.0; this halfangle reads 1.x" in refusal(path)
 
 
+def test_a_session_of_format_1_0_is_read(changed: Callable[[Change], Path]) -> None:
+    def age(file: h5py.File) -> None:
+        file["entry"].attrs.modify("halfangle_schema", "1.0")
+
+    with Session(changed(age)) as session:
+        assert session.area_mm == (60, 40)
+        assert session.frames(0).shape == (2, HEIGHT, WIDTH)
+        assert not session.is_imported
+
+
 @pytest.mark.parametrize("share", [0.02, 0.5, 0.99])
 def test_a_file_that_is_cut_short_is_refused(session_path: Path, tmp_path: Path, share: float) -> None:
     content = session_path.read_bytes()

@@ -1,6 +1,7 @@
 """From a folder of pictures and its `capture.toml` to a session."""
 
 import json
+import weakref
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
@@ -10,8 +11,9 @@ import pytest
 
 from instrument.import_plan import ImportPlan
 from instrument.layout import Status
-from instrument.pictures import writing
+from instrument.pictures import survey, writing
 from instrument.pictures.importing import prepare_import
+from instrument.pictures.picture import Picture
 from instrument.pictures.reading import read_picture
 from instrument.pictures.writing import write_import
 from instrument.session import Session
@@ -300,6 +302,9 @@ CHECKERBOARD = '[[boards]]\nkind = "checkerboard"\nsquares = [3, 3]\nsquare_mm =
         ("[grouping]\nframes_per_pose = 3\nexposure_times_s = [1]", "has 1 elements; a pose has 3 pictures"),
         ("[grouping]\nframes_per_pose = 4", "there are 6 pictures, which are no whole poses of 4"),
         ('[grouping]\nglob = "*.nef"', "capture.toml:3: grouping.glob: no picture in"),
+        ('[[poses]]\nfiles = ["/etc/hosts"]', "capture.toml:3: poses[0].files[0]: '/etc/hosts' is no name within"),
+        ('[[poses]]\nfiles = ["*.d["]', "'*.d[' is not in"),
+        ('[[poses]]\nfiles = ["**x/*.dng"]', "poses[0].files[0]: "),
         ('[grouping]\n[[poses]]\nfiles = ["a"]', "[[poses]] and [grouping] exclude each other"),
         ("[[poses]]\nfiles = []", "poses[0].files is []; it must"),
         ('[[poses]]\nfiles = ["IMG_8.dng"]\nexposure_times_s = [1, 2]', "1 pictures and 2 exposure times"),
@@ -365,3 +370,38 @@ def test_a_picture_that_changed_since_it_was_looked_at_is_refused(brackets: Path
     write_dng(brackets / "IMG_12.dng", mosaic(9)[: H // 2].repeat(3, axis=0), 0.1)
     with pytest.raises(InvalidInputError, match="was changed while it was imported"):
         write_import(prepared, brackets / "s.h5")
+
+
+def test_black_levels_that_differ_are_noted_and_their_medians_used(tmp_path: Path) -> None:
+    for i in range(3):
+        write_dng(tmp_path / f"{i}.dng", mosaic(i), 0.1, black=(64 + i, 65, 66, 67))
+    prepared = prepare_import(tmp_path, write_capture(tmp_path, 'name = "leaf"\n'))
+    assert prepared.sensor.black_level == (65, 65, 66, 67)
+    assert prepared.sensor.notes == ("the pictures state black levels from 64 to 67; the medians are used",)
+
+
+def test_more_exposure_times_than_a_session_can_have_are_refused(tmp_path: Path) -> None:
+    for i in range(257):
+        write_png(tmp_path / f"{i}.png", mosaic(0))
+    times = ", ".join(str(float(1.05**i)) for i in range(257))
+    text = f'name = "leaf"\n[[poses]]\nfiles = ["*.png"]\nexposure_times_s = [{times}]\n'
+    assert "there are 257 of all pictures together; allowed are 256" in refused(tmp_path, text)
+
+
+def test_only_one_picture_is_in_memory_while_folders_are_looked_at(
+    brackets: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held: list[weakref.ref[np.ndarray]] = []
+    most = []
+
+    def counted(path: Path) -> Picture:
+        picture = read_picture(path)
+        held.append(weakref.ref(picture.pixels))
+        most.append(sum(ref() is not None for ref in held))
+        return picture
+
+    monkeypatch.setattr(survey, "read_picture", counted)
+    monkeypatch.setattr(writing, "read_picture", counted)
+    imported(brackets, 'name = "leaf"\n[grouping]\nby = "exposure"\n').close()
+    # A bracket, and the last frame of the one before.
+    assert max(most) <= 3

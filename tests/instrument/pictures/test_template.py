@@ -30,6 +30,16 @@ def test_what_is_written_for_raw_brackets_imports_without_an_edit(tmp_path: Path
     assert [len(pose) for pose in prepared.arrangement.poses] == [2, 2, 2]
 
 
+def test_a_folder_for_each_pose_is_found(tmp_path: Path) -> None:
+    for pose in ("pose_2", "pose_10"):
+        (tmp_path / pose).mkdir()
+        for i, time in enumerate((0.01, 0.1)):
+            write_dng(tmp_path / pose / f"{i}.dng", mosaic(i), time)
+    prepared = prepare_import(tmp_path, write_capture(tmp_path, capture_template(tmp_path)))
+    names = [[frame.pick.name for frame in pose] for pose in prepared.arrangement.poses]
+    assert names == [["pose_2/0.dng", "pose_2/1.dng"], ["pose_10/0.dng", "pose_10/1.dng"]]
+
+
 def test_raw_files_come_before_the_jpegs_beside_them(tmp_path: Path) -> None:
     for i in range(2):
         write_dng(tmp_path / f"IMG_{i}.dng", mosaic(i), 0.1)
