@@ -53,8 +53,8 @@ def same_time(first: float, second: float) -> bool:
 def nominal_times(brackets: Sequence[Sequence[float]]) -> tuple[float, ...]:
     """Return the exposure times of a session, ascending: all that any pose has, like ones as one.
 
-    Times of one setting that differ a little are rounded to three digits; if a pose has two such times, they are
-    meant, and every time stands for itself.
+    Times of one setting that differ a little are rounded to three digits, others to six; if a pose has two such
+    times, they are meant, and every time stands for itself.
     """
     every = sorted({time for bracket in brackets for time in bracket})
     clusters: list[list[float]] = []
@@ -76,4 +76,5 @@ def exposure_indices(bracket: Sequence[float], exposure_times: Sequence[float]) 
 
 
 def _rounded(cluster: Sequence[float]) -> float:
-    return cluster[0] if len(cluster) == 1 else float(f"{np.mean(cluster):.3g}")
+    # Six digits are more than a shutter keeps, and leave none of the last bit that arithmetic adds.
+    return float(f"{cluster[0]:.6g}" if len(cluster) == 1 else f"{np.mean(cluster):.3g}")

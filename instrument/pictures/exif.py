@@ -10,6 +10,9 @@ from typing import Any
 
 import exifread
 import OpenEXR
+import rawpy
+
+from instrument.pictures.reading import is_raw
 
 # It reports files without EXIF as warnings; here that is no news.
 logging.getLogger("exifread").setLevel(logging.CRITICAL)
@@ -53,6 +56,8 @@ def read_shot(path: Path) -> Shot:
 def _from_exif(path: Path) -> Shot:
     with path.open("rb") as file:
         tags = exifread.process_file(file, details=False)
+    if not tags and is_raw(path):
+        return _from_libraw(path)
     return Shot(
         exposure_time=_number(tags, "EXIF ExposureTime", "Image ExposureTime"),
         iso=_number(tags, "EXIF ISOSpeedRatings", "Image ISOSpeedRatings"),
@@ -64,6 +69,16 @@ def _from_exif(path: Path) -> Shot:
         serial_number=_text(tags, "EXIF BodySerialNumber", "Image CameraSerialNumber"),
         white_balance=_text(tags, "EXIF WhiteBalance"),
     )
+
+
+def _from_libraw(path: Path) -> Shot:
+    """Return what LibRaw knows of a RAW file whose container hides its EXIF, in LibRaw's single precision."""
+    with rawpy.imread(str(path)) as raw:
+        told = raw.other
+    time, iso, aperture, focal = (
+        _positive(f"{value:.6g}") for value in (told.shutter_speed, told.iso_speed, told.aperture, told.focal_length)
+    )
+    return Shot(exposure_time=time, iso=iso, f_number=aperture, focal_length=focal)
 
 
 def _from_exr(path: Path) -> Shot:

@@ -46,6 +46,10 @@ def test_times_of_one_setting_are_one_exposure() -> None:
     assert exposure_indices([0.1, 0.01665], times) == [1, 0]
 
 
+def test_a_nominal_time_has_no_digits_that_arithmetic_added() -> None:
+    assert nominal_times([[0.049999999999999996, 1 / 3]]) == (0.05, 0.333333)
+
+
 def test_close_times_in_one_pose_are_meant() -> None:
     assert nominal_times([[0.1, 0.101], [0.1]]) == (0.1, 0.101)
 

@@ -38,7 +38,7 @@ corner_mm = [-54.0, 54.0]
 PROTOCOL = """
 name = "three \\"views\\""
 sample = "Blatt – αβ"
-bracket = { exposure_times_s = [0.002, 0.02], darks = 2 }
+bracket = { exposure_times_s = [0.002, 0.05], darks = 2 }
 rings = [{ tilt_deg = 25.0, count = 3, start_deg = 10.0 }]
 """
 
@@ -110,7 +110,7 @@ def test_other_programs_find_the_levels_pattern_and_time_in_the_dng_itself(captu
         camera, counts = session.camera, session.frame(0, 1)
     (tmp_path / "pictures" / "capture.toml").write_text('name = "bare"\n[[poses]]\nfiles = ["pose_0000_*.dng"]\n')
     bare = prepare_import(tmp_path / "pictures", tmp_path / "pictures" / "capture.toml")
-    assert bare.arrangement.exposure_times == (0.002, 0.02)
+    assert bare.arrangement.exposure_times == (0.002, 0.05)
     found = bare.sensor.camera
     assert (found.bayer_pattern, found.bit_depth) == (camera.bayer_pattern, camera.bit_depth)
     assert (found.black_level, found.saturation_value) == (camera.black_level, camera.saturation_value)

@@ -5,6 +5,7 @@ import pytest
 import tifffile
 from PIL import Image
 
+from instrument.pictures import exif
 from instrument.pictures.exif import Shot, read_shot
 from instrument.pictures.picture import UnreadablePictureError
 from instrument.pictures.reading import read_picture
@@ -136,6 +137,13 @@ def test_a_damaged_header_is_silence_and_no_crash(tmp_path: Path) -> None:
         content[4:200] = bytes(196)
         path.write_bytes(content)
         assert read_shot(path).exposure_time is None
+
+
+def test_libraw_tells_what_exif_of_a_raw_file_does_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_dng(tmp_path / "a.dng", mosaic(0), 1 / 250)
+    monkeypatch.setattr(exif.exifread, "process_file", lambda file, details: {})
+    shot = read_shot(path)
+    assert (shot.exposure_time, shot.f_number) == (0.004, 8.0)
 
 
 def test_files_of_other_kinds_say_what_is_needed(tmp_path: Path) -> None:
