@@ -48,7 +48,8 @@ def checked(picture: Picture) -> Picture:
     UnreadablePictureError
         If it has another number of channels, another type, or no pixels.
     """
-    pixels = picture.pixels
+    # Files may have either order of bytes.
+    pixels = picture.pixels.astype(picture.pixels.dtype.newbyteorder("="), copy=False)
     if pixels.ndim == 3 and pixels.shape[2] == 1:
         pixels = pixels[..., 0]
     if pixels.ndim not in (2, 3) or (pixels.ndim == 3 and pixels.shape[2] != 3) or 0 in pixels.shape:

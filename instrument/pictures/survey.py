@@ -31,8 +31,6 @@ class Surveyed:
         ``"u1"``, ``"u2"`` or ``"f4"``.
     any_bits : int
         Bits that are set in at least one pixel; 0 for floating-point numbers.
-    largest : float
-        Largest value.
     bayer_pattern, black_level, saturation_level
         As in `Picture`.
     """
@@ -42,7 +40,6 @@ class Surveyed:
     shape: tuple[int, ...]
     dtype: str
     any_bits: int
-    largest: float
     bayer_pattern: str | None
     black_level: tuple[float, ...] | None
     saturation_level: float | None
@@ -80,7 +77,6 @@ def _surveyed(picture: Picture, path: Path) -> Surveyed:
         shape=pixels.shape,
         dtype=pixels.dtype.str[1:],
         any_bits=int(np.bitwise_or.reduce(pixels, axis=None)) if pixels.dtype.kind == "u" else 0,
-        largest=float(pixels.max()),
         bayer_pattern=picture.bayer_pattern,
         black_level=picture.black_level,
         saturation_level=picture.saturation_level,

@@ -68,6 +68,15 @@ def test_tiff_is_read_as_it_is(tmp_path: Path, dtype: type, n_channels: int) -> 
     assert read_shot(path).exposure_time == 0.5
 
 
+def test_either_order_of_bytes_is_read(tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", mosaic(0), byteorder=">")
+    np.save(tmp_path / "a.npy", mosaic(0).astype(">u2"))
+    for name in ("a.tif", "a.npy"):
+        picture = read_picture(tmp_path / name)
+        np.testing.assert_array_equal(picture.pixels, mosaic(0))
+        assert picture.pixels.dtype == np.uint16
+
+
 def test_tiff_with_planes_one_after_the_other_is_read_as_channels(tmp_path: Path) -> None:
     tifffile.imwrite(tmp_path / "a.tif", np.moveaxis(RGB8, -1, 0), photometric="rgb", planarconfig="separate")
     np.testing.assert_array_equal(read_picture(tmp_path / "a.tif").pixels, RGB8)
