@@ -14,6 +14,9 @@ from PIL import Image
 
 from instrument.pictures.picture import Picture, UnreadablePictureError
 
+# Pillow's own limit is that of a suspicious web page; a phone exceeds it.
+Image.MAX_IMAGE_PIXELS = 1_000_000_000
+
 
 def read_tiff(path: Path) -> Picture:
     """Read a TIFF file of one page."""
