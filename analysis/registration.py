@@ -15,6 +15,7 @@ from analysis.rectification import Grid, Rectified, View, rectify
 from analysis.session_calibration import Calibration, calibrate_session, footprint_mm, stack_geometry
 from analysis.stack_file import StackWriter, read_stack
 from analysis.stages import Stages
+from analysis.stated import stated
 from instrument.session import Session
 
 Array = NDArray[np.float64]
@@ -47,10 +48,14 @@ def register(
         If there is a file already.
     """
     stages = stages or Stages()
+    nominal = stated(session)
     frames = MergedFrames(session)
-    calibration = calibrate_session(session, frames, stages)
+    calibration = calibrate_session(session, nominal, frames, stages)
     with stages.measure("registration"):
-        grid = Grid.covering(session.area_mm, pitch or round(GRID_PER_PIXEL * footprint_mm(calibration.camera), 3))
+        grid = Grid.covering(
+            nominal.area_mm,
+            pitch or session.pixel_pitch_mm or round(GRID_PER_PIXEL * footprint_mm(calibration.camera), 3),
+        )
         write_registered(frames, calibration, grid, path, {"session_digest": session.digest()})
     with stages.measure("error budget"):
         budget = budget_of(read_stack(path))

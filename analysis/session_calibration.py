@@ -24,6 +24,7 @@ from analysis.photometry import Photometry, fit_photometry
 from analysis.rectification import Grid, Rectified, View, rectify
 from analysis.stack import Stack
 from analysis.stages import Stages
+from analysis.stated import Stated
 from analysis.white_samples import WhitePoints, white_samples
 from instrument.session import Session
 
@@ -90,12 +91,13 @@ class Calibration:
         }
 
 
-def calibrate_session(session: Session, frames: MergedFrames, stages: Stages) -> Calibration:
+def calibrate_session(session: Session, nominal: Stated, frames: MergedFrames, stages: Stages) -> Calibration:
     """Calibrate a session from its own pictures.
 
     Parameters
     ----------
     session : Session
+    nominal : Stated
     frames : MergedFrames
     stages : Stages
 
@@ -118,7 +120,7 @@ def calibrate_session(session: Session, frames: MergedFrames, stages: Stages) ->
     legacy = frozenset.union(frozenset(), *(c.legacy for c in corners))
     i_pose = frames.i_pose[usable]
     with stages.measure("light"):
-        photometry, light, level = _find_light(session, frames, i_pose, camera, legacy)
+        photometry, light, level = _find_light(session, nominal, frames, i_pose, camera, legacy)
     return Calibration(camera, photometry, light, level, i_pose, dropped)
 
 
@@ -156,6 +158,7 @@ def _detect(session: Session, frames: MergedFrames, i_pose: int, lens: Lens | No
 
 def _find_light(
     session: Session,
+    nominal: Stated,
     frames: MergedFrames,
     i_pose: NDArray[np.int64],
     camera: CameraCalibration,
@@ -166,8 +169,8 @@ def _find_light(
     The offset is sought on a coarse grid of the area, since a few hundred pixels tell it.
     """
     views, footprint = views_of(camera), footprint_mm(camera)
-    white = WhitePoints.beside(session.boards, legacy, session.area_mm, footprint)
-    scout = _scout_grid(session.area_mm, footprint)
+    white = WhitePoints.beside(session.boards, legacy, nominal.area_mm, footprint)
+    scout = _scout_grid(nominal.area_mm, footprint)
     on_scout, on_white = [], []
     for i, view in zip(i_pose, views, strict=True):
         merged = frames.merge(int(i))
@@ -175,7 +178,7 @@ def _find_light(
         on_scout.append(rectify(*picture, scout.points(), footprint))
         on_white.append(rectify(*picture, white.points[None], footprint))
     samples, level = white_samples(on_white, white, views)
-    prior = LightOffset(session.light_offset_mm, np.full(3, float(np.max(session.light_offset_sigma_mm))))
+    prior = LightOffset(nominal.light_offset_mm, np.full(3, float(np.max(nominal.light_offset_sigma_mm))))
     first = fit_photometry(samples, views, prior.value, frames.image_size)
     stack = _scout_stack([r.scaled(1.0 / level) for r in on_scout], first, prior, camera, scout)
     rng = np.random.default_rng(0)

@@ -3,55 +3,175 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from cli.output import check_new
 
+if TYPE_CHECKING:
+    from instrument.pictures.importing import Import
 
-@click.command(
-    "import",
-    epilog="Example: halfangle import --registered card --positions positions.csv --width-mm 68.48 --gamma 2.2 "
-    "-o card.stack.h5",
-)
+EPILOG = """Examples:
+
+\b
+halfangle import --init leaf
+halfangle import leaf -o leaf.h5
+halfangle import --registered card --positions positions.csv --width-mm 68.48 --gamma 2.2 -o card.stack.h5
+"""
+
+# Options that make sense with --registered only.
+REGISTERED_ONLY = {"positions": "--positions", "width_mm": "--width-mm", "gamma": "--gamma", "binning": "--bin"}
+
+
+@click.command("import", epilog=EPILOG)
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
 @click.option(
-    "--registered", is_flag=True, required=True, help="The pictures are already registered to the sample plane."
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Session (or registered stack) to write; FOLDER.h5 by default.",
 )
+@click.option(
+    "--capture",
+    "capture_file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="What the pictures do not say themselves; FOLDER/capture.toml by default.",
+)
+@click.option("--init", is_flag=True, help="Write FOLDER/capture.toml, filled in as far as the pictures tell.")
+@click.option("--registered", is_flag=True, help="The pictures are registered to the sample plane: make a stack.")
 @click.option(
     "--positions",
     type=click.Path(path_type=Path, dir_okay=False),
-    required=True,
-    help="CSV of the camera's (and light's) position per picture; looked for in FOLDER too.",
+    help="With --registered: CSV of the camera's (and light's) position per picture; looked for in FOLDER too.",
 )
 @click.option(
-    "--width-mm", type=click.FloatRange(min=0.001), required=True, help="Width of the area that a picture shows."
+    "--width-mm", type=click.FloatRange(min=0.001), help="With --registered: width of the area that a picture shows."
 )
 @click.option(
-    "--gamma", type=click.FloatRange(min=0.1, max=5.0), help="Display gamma of the pictures; 1 if they are linear."
+    "--gamma",
+    type=click.FloatRange(min=0.1, max=5.0),
+    help="With --registered: display gamma of the pictures; 1 if they are linear.",
 )
 @click.option(
     "--bin",
     "binning",
     type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="Average squares of so many pixels a side.",
-)
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path, dir_okay=False), required=True, help="Registered stack to write."
+    help="With --registered: average squares of so many pixels a side; 1 by default.",
 )
 def import_pictures(
-    folder: Path, registered: bool, positions: Path, width_mm: float, gamma: float | None, binning: int, output: Path
+    folder: Path,
+    output: Path | None,
+    capture_file: Path | None,
+    init: bool,
+    registered: bool,
+    positions: Path | None,
+    width_mm: float | None,
+    gamma: float | None,
+    binning: int | None,
 ) -> None:
-    """Make a registered stack of the pictures in FOLDER."""
-    assert registered, "click requires the flag"
+    """Make a session of the pictures in FOLDER: RAW, TIFF, PNG, JPEG, EXR or NumPy.
+
+    FOLDER/capture.toml says what the pictures do not; --init writes one to complete.
+    """
+    if not folder.is_dir():
+        raise click.UsageError(f"{folder} is no folder.")
+    given = {"positions": positions, "width_mm": width_mm, "gamma": gamma, "binning": binning}
+    if registered:
+        _refuse("--registered", {"--init": init, "--capture": capture_file})
+        _require("--registered", {"--positions": positions, "--width-mm": width_mm, "--output": output})
+        assert positions is not None
+        assert width_mm is not None
+        assert output is not None
+        _import_registered(folder, positions, width_mm, gamma, binning or 1, output)
+        return
+    _refuse_without_registered({REGISTERED_ONLY[name]: value for name, value in given.items()})
+    if init:
+        _refuse("--init", {"--output": output, "--capture": capture_file})
+        _write_template(folder)
+    else:
+        _import_session(folder, capture_file, output or Path(f"{folder.resolve().name}.h5"))
+
+
+def _import_registered(
+    folder: Path, positions: Path, width_mm: float, gamma: float | None, binning: int, output: Path
+) -> None:
     check_new(output)
     from analysis.importing import import_registered
     from analysis.stack_file import write_stack
 
-    table = positions if positions.exists() else folder / positions
-    stack = import_registered(folder, table, width_mm, gamma, binning)
+    found = positions if positions.exists() else folder / positions
+    stack = import_registered(folder, found, width_mm, gamma, binning)
     write_stack(output, stack)
     height, width = stack.grid.height, stack.grid.width
     click.echo(f"{output}: {stack.n_views} views of {width} x {height} pixels of {stack.pixel_pitch:.4g} mm")
+
+
+def _import_session(folder: Path, capture_file: Path | None, output: Path) -> None:
+    check_new(output)
+    from cli.progress import progress_bar
+    from instrument.pictures.importing import CAPTURE_FILE, prepare_import
+    from instrument.pictures.writing import write_import
+
+    capture = folder / CAPTURE_FILE if capture_file is None else capture_file
+    if not capture.exists():
+        raise click.UsageError(f"there is no {capture}; `halfangle import --init {folder}` writes one to complete.")
+    with progress_bar("look") as step:
+        prepared = prepare_import(folder, capture, lambda done, total, name: step(done, name, total))
+    with progress_bar("import") as step:
+        write_import(prepared, output, lambda done, total, name: step(done, name, total))
+    click.echo("\n".join(f"{name:<17} {value}" for name, value in _rows(prepared)))
+    for note in prepared.sensor.notes:
+        click.echo(f"note: {note}")
+    click.echo(f"{output}: {len(prepared.arrangement.poses)} poses")
+
+
+def _rows(prepared: Import) -> list[tuple[str, str]]:
+    arrangement, sensor = prepared.arrangement, prepared.sensor
+    camera = sensor.camera
+    boards = [f"{board.kind} {board.squares[0]} x {board.squares[1]}" for board in prepared.config.boards]
+    beside = {name: len(getattr(arrangement, name)) for name in ("darks", "flats", "ambient", "response")}
+    return [
+        ("camera", f"{camera.make} {camera.model}".strip() or "not stated"),
+        ("frames", f"{camera.width} x {camera.height}, {camera.bit_depth} bits, {_kind(prepared)}"),
+        ("poses", f"{len(arrangement.poses)}, {len(arrangement.frames)} frames"),
+        ("exposure times", ", ".join(f"{time:g}" for time in arrangement.exposure_times) + " s"),
+        ("black level", ", ".join(f"{level:g}" for level in dict.fromkeys(sensor.black_level))),
+        ("saturation level", f"{camera.saturation_value:g}"),
+        ("boards", ", ".join(boards) or "none"),
+        ("beside", ", ".join(f"{count} {name}" for name, count in beside.items() if count) or "nothing"),
+    ]
+
+
+def _kind(prepared: Import) -> str:
+    camera = prepared.sensor.camera
+    colours = camera.bayer_pattern or ("red, green, blue" if camera.n_channels == 3 else "monochrome")
+    return f"{colours}, not linear" if prepared.config.response else colours
+
+
+def _write_template(folder: Path) -> None:
+    from instrument.pictures.importing import CAPTURE_FILE
+    from instrument.pictures.template import capture_template
+
+    path = folder / CAPTURE_FILE
+    check_new(path)
+    path.write_text(capture_template(folder), encoding="utf-8")
+    click.echo(f"{path}: complete it, then run: halfangle import {folder}")
+
+
+def _refuse(flag: str, options: dict[str, object]) -> None:
+    given = [name for name, value in options.items() if value]
+    if given:
+        raise click.UsageError(f"{', '.join(given)} cannot go with {flag}.")
+
+
+def _require(flag: str, options: dict[str, object]) -> None:
+    missing = [name for name, value in options.items() if value is None]
+    if missing:
+        raise click.UsageError(f"{flag} needs {', '.join(missing)} too.")
+
+
+def _refuse_without_registered(options: dict[str, object]) -> None:
+    given = [name for name, value in options.items() if value is not None]
+    if given:
+        raise click.UsageError(f"{', '.join(given)} is for --registered only; for a session use capture.toml.")

@@ -1,4 +1,4 @@
-"""`halfangle session info`, `verify` and `list`."""
+"""`halfangle session info`, `verify`, `list` and `export`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON."
 
 @click.group()
 def session() -> None:
-    """Look at and verify session files."""
+    """Look at, verify and export session files."""
 
 
 @session.command(epilog="Example: halfangle session info relief.h5")
@@ -57,6 +57,22 @@ def list_sessions(folder: Path, as_json: bool) -> None:
         return
     for row in rows:
         click.echo(f"{row['status']:<12} {row['n_complete']:>5}/{row['n_poses']:<5} {row['path']}  {row['title']}")
+
+
+@session.command(epilog="Example: halfangle session export relief.h5 -o relief")
+@click.argument("path", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Folder to make.")
+def export(path: Path, output: Path) -> None:
+    """Write the frames of the session PATH as DNG files with a capture.toml; `halfangle import` reads them back."""
+    from cli.output import check_new
+    from cli.progress import progress_bar
+    from instrument.pictures.export import export_session
+    from instrument.session import Session
+
+    check_new(output)
+    with Session(path) as source, progress_bar("export") as step:
+        n_written = export_session(source, output, lambda done, total, name: step(done, name, total))
+    click.echo(f"{output}: {n_written} pictures and capture.toml")
 
 
 def _table(summary: dict[str, Any]) -> str:

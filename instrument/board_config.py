@@ -1,13 +1,15 @@
-"""The `[[boards]]` of a rig: marker boards that lie in the sample plane."""
+"""The `[[boards]]` of a rig or of pictures from elsewhere: they lie in the sample plane."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import nan
 from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from instrument.settings import Positive, Settings
+from instrument.records import Board
+from instrument.settings import NonNegative, Positive, Settings
 
 # How many markers OpenCV's predefined dictionaries hold; a test compares them with OpenCV's own.
 DICTIONARY_SIZES = {
@@ -24,40 +26,67 @@ Squares = Annotated[int, Field(ge=2, le=100)]
 Rectangle = tuple[float, float, float, float]
 
 
-class BoardConfig(Settings):
-    """One marker board; lengths in millimetres, positions in the sample frame."""
+MARKER_KEYS = ("dictionary", "first_id", "marker_mm")
 
-    kind: Literal["charuco"] = Field(description="what is printed on the board")
-    dictionary: str = Field(description="OpenCV's name of the marker dictionary")
-    first_id: int = Field(ge=0, description="number of the board's first marker in the dictionary")
+
+class BoardConfig(Settings):
+    """One board; lengths in millimetres, positions in the sample frame."""
+
+    kind: Literal["charuco", "checkerboard"] = Field(description="what is printed on the board")
+    dictionary: str = Field(default="", description="OpenCV's name of the marker dictionary")
+    first_id: int = Field(default=0, ge=0, description="number of the board's first marker in the dictionary")
     squares: tuple[Squares, Squares] = Field(description="squares across and down")
     square_mm: Positive = Field(description="side of a square in mm")
-    marker_mm: Positive = Field(description="side of a marker in mm, smaller than a square")
-    corner_mm: tuple[float, float] = Field(description="x and y of the top left corner in mm")
+    marker_mm: NonNegative = Field(default=0.0, description="side of a marker in mm, smaller than a square")
+    corner_mm: tuple[float, float] | None = Field(description='x and y of the top left corner in mm, or "measure"')
+
+    @field_validator("corner_mm", mode="before")
+    @classmethod
+    def _measured_later(cls, corner: object) -> object:
+        # After a validator of ours pydantic no longer takes a list for a tuple.
+        return None if corner == "measure" else tuple(corner) if isinstance(corner, list) else corner
 
     @field_validator("dictionary")
     @classmethod
     def _known_dictionary(cls, name: str) -> str:
-        if name not in DICTIONARY_SIZES:
+        if name and name not in DICTIONARY_SIZES:
             raise ValueError(f"known dictionaries: {', '.join(DICTIONARY_SIZES)}")
         return name
 
     @model_validator(mode="after")
     def _printable(self) -> BoardConfig:
-        misfits = [*self._marker_misfit(), *self._dictionary_misfit()]
+        misfits = tuple(self._missing_keys() if self.kind == "charuco" else self._keys_of_a_charuco_board())
+        misfits = misfits or tuple(self._marker_misfits())
         if misfits:
             raise ValueError("; ".join(misfits))
         return self
 
-    def _marker_misfit(self) -> Iterator[str]:
+    def _missing_keys(self) -> Iterator[str]:
+        missing = [key for key in MARKER_KEYS if key not in self.model_fields_set]
+        if missing:
+            yield f"a charuco board has markers; add {', '.join(missing)}"
+
+    def _keys_of_a_charuco_board(self) -> Iterator[str]:
+        needless = [key for key in MARKER_KEYS if getattr(self, key)]
+        if needless:
+            yield f'a checkerboard has no markers; leave out {", ".join(needless)}, or is its kind "charuco"?'
+
+    def _marker_misfits(self) -> Iterator[str]:
+        if self.kind == "charuco":
+            yield from self._marker_size_misfit()
+            yield from self._dictionary_misfit()
+
+    def _marker_size_misfit(self) -> Iterator[str]:
         if self.marker_mm >= self.square_mm:
             yield (
                 f"marker_mm is {self.marker_mm:g}; it must be less than square_mm ({self.square_mm:g}), "
                 "for a marker lies inside a square"
             )
+        if self.marker_mm == 0:
+            yield "marker_mm is 0; it must be greater than 0"
 
     def _dictionary_misfit(self) -> Iterator[str]:
-        last = DICTIONARY_SIZES[self.dictionary] - 1
+        last = DICTIONARY_SIZES.get(self.dictionary, 0) - 1
         if self.marker_ids[-1] > last:
             yield (
                 f"first_id is {self.first_id}; with {len(self.marker_ids)} markers the board needs ids up to "
@@ -66,16 +95,28 @@ class BoardConfig(Settings):
 
     @property
     def marker_ids(self) -> range:
-        """Ids of the markers: a ChArUco board has one in every second square."""
+        """Ids of the markers: a ChArUco board has one in every second square, a checkerboard none."""
+        if self.kind == "checkerboard":
+            return range(0)
         return range(self.first_id, self.first_id + self.squares[0] * self.squares[1] // 2)
 
     @property
-    def rectangle(self) -> Rectangle:
-        """Left, bottom, right and top edge in mm, x right and y up."""
+    def rectangle(self) -> Rectangle | None:
+        """Left, bottom, right and top edge in mm, x right and y up; None if that is to be measured."""
+        if self.corner_mm is None:
+            return None
         left, top = self.corner_mm
         return (left, top - self.squares[1] * self.square_mm, left + self.squares[0] * self.square_mm, top)
 
+    @property
+    def record(self) -> Board:
+        """The board as a session holds it."""
+        corner = (nan, nan) if self.corner_mm is None else self.corner_mm
+        return Board(**{**dict(self), "corner_mm": corner})
 
-def overlap(first: Rectangle, second: Rectangle) -> bool:
-    """Whether two rectangles share more than an edge; 1e-9 mm forgives rounding of sums."""
+
+def overlap(first: Rectangle | None, second: Rectangle | None) -> bool:
+    """Whether two rectangles share more than an edge; 1e-9 mm forgives rounding of sums; an unknown one does not."""
+    if first is None or second is None:
+        return False
     return all(min(first[axis + 2], second[axis + 2]) - max(first[axis], second[axis]) > 1e-9 for axis in (0, 1))

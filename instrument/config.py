@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,11 +14,13 @@ from instrument.protocol_config import ProtocolConfig
 from instrument.rig_config import GeometryConfig, RigConfig, rig_misfits
 from instrument.settings import SettingsFile
 from instrument.toml_lines import KeyPath, TomlLines, parse_toml
-from instrument.validation import InvalidInputError, Problem
+from instrument.validation import InvalidInputError, Problem, raise_if_any
 
 __all__ = ["ProtocolConfig", "RigConfig", "load_protocol", "load_rig"]
 
 Config = TypeVar("Config", bound=SettingsFile)
+
+Misfits = Callable[[dict[str, Any]], Iterator[tuple[KeyPath, str]]]
 
 # A configuration is a page or two; a larger file is some other file.
 MAX_BYTES = 1_000_000
@@ -32,7 +34,7 @@ def load_rig(path: Path | str) -> RigConfig:
     InvalidInputError
         With every problem found, each at ``file:line``.
     """
-    return _load(RigConfig, Path(path))
+    return load_settings(RigConfig, Path(path), _rig_misfits)
 
 
 def load_protocol(path: Path | str) -> ProtocolConfig:
@@ -43,18 +45,44 @@ def load_protocol(path: Path | str) -> ProtocolConfig:
     InvalidInputError
         With every problem found, each at ``file:line``.
     """
-    return _load(ProtocolConfig, Path(path))
+    return load_settings(ProtocolConfig, Path(path))
 
 
-def _load(model: type[Config], path: Path) -> Config:
+def load_settings(model: type[Config], path: Path, misfits: Misfits | None = None) -> Config:
+    """Read a file of settings.
+
+    Parameters
+    ----------
+    model : type
+        Of what it holds.
+    path : Path
+    misfits : callable, optional
+        Takes the parsed file and yields what its tables have against each other, each with the path of a key;
+        it replaces what `model` itself says of the file as a whole.
+
+    Raises
+    ------
+    InvalidInputError
+        With every problem found, each at ``file:line``.
+    """
     text = _read(path)
     data = parse_toml(text, path.name)
-    try:
-        config = validate(model, data)
-    except ValidationError as error:
-        raise InvalidInputError(f"{path} cannot be used", _problems(model, error, data, text, path)) from None
+    found = [*_complaints(model, data, misfits is None), *(misfits(data) if misfits else ())]
+    lines = TomlLines(text)
+    at = sorted((lines.line(key), what) for key, what in found)
+    raise_if_any(f"{path} cannot be used", [Problem(f"{path.name}:{line}", what) for line, what in at])
+    config = validate(model, data)
     config.remember(text)
     return config
+
+
+def _complaints(
+    model: type[SettingsFile], data: dict[str, Any], with_those_of_the_whole: bool
+) -> Iterator[tuple[KeyPath, str]]:
+    try:
+        validate(model, data)
+    except ValidationError as error:
+        yield from ((key, what) for key, what in complaints(model, error) if key or with_those_of_the_whole)
 
 
 def _read(path: Path) -> str:
@@ -79,18 +107,7 @@ def _decode(content: bytes, path: Path) -> str:
         raise InvalidInputError(f"{path} cannot be used", [Problem(f"{path.name}:{line}", why)]) from None
 
 
-def _problems(
-    model: type[SettingsFile], error: ValidationError, data: dict[str, Any], text: str, path: Path
-) -> list[Problem]:
-    lines = TomlLines(text)
-    found = [*complaints(model, error), *(_misfits(data) if model is RigConfig else ())]
-    # What the rig's tables have against each other arrives one by one with a line of its own.
-    placed = [entry for entry in found if entry[0] or model is not RigConfig]
-    at = [(lines.line(key), what) for key, what in placed]
-    return [Problem(f"{path.name}:{line}", what) for line, what in sorted(at)]
-
-
-def _misfits(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
+def _rig_misfits(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     tables = data.get("boards")
     boards = [valid_or_none(BoardConfig, table) for table in tables] if isinstance(tables, list) else []
     well_formed = {i: board for i, board in enumerate(boards) if board is not None}

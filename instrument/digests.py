@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def frame_digest(counts: NDArray[np.uint16]) -> str:
-    """Return the hex SHA-256 of a frame's counts as little-endian 16-bit words in reading order."""
-    return sha256(np.ascontiguousarray(counts, "<u2").tobytes()).hexdigest()
+def frame_digest(counts: NDArray[np.uint16] | NDArray[np.float32]) -> str:
+    """Return the hex SHA-256 of a frame's values, little-endian, in reading order."""
+    return sha256(np.ascontiguousarray(counts, counts.dtype.newbyteorder("<")).tobytes()).hexdigest()
 
 
 def chain_digest(digests: Iterable[str]) -> str:

@@ -8,11 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-SCHEMA_VERSION = "1.0"
+SCHEMA_VERSION = "1.1"
 SCHEMA_ATTRIBUTE = "halfangle_schema"
 
 # Sizes that no real session exceeds; a file that claims more is refused before memory is taken.
-LARGEST = {"P": 100_000, "E": 256, "H": 65_536, "W": 65_536}
+LARGEST = {"P": 100_000, "E": 256, "H": 65_536, "W": 65_536, "R": 1_000, "F": 1_000, "A": 100_000, "L": 65_536}
 LARGEST_BRACKET_BYTES = 16 * 2**30
 
 
@@ -34,10 +34,12 @@ class Field:
     path : str
         From the root of the file.
     dtype : str
-        As numpy writes it; ``"str"`` is UTF-8 text of any length, ``"S64"`` ASCII of at most 64 bytes.
+        As numpy writes it; ``"str"`` is UTF-8 text of any length, ``"S64"`` ASCII of at most 64 bytes;
+        ``"frame"`` is u2 or f4, whichever `IMAGES` has.
     shape : tuple of str or int
-        ``P`` poses, ``E`` exposures, ``H`` and ``W`` pixels of a frame, ``h`` and ``w`` of a preview;
-        ``()`` for a single value.
+        ``P`` poses, ``E`` exposures, ``H`` and ``W`` pixels of a frame, ``h`` and ``w`` of a preview,
+        ``C`` channels; ``R``, ``F`` and ``A`` pictures for the response, of the flat field and of ambient light;
+        ``L`` counts. ``?`` after a letter: frames without channels lack this axis. ``()`` for a single value.
     units : str
         Attribute ``units``; ``""`` for none.
     optional : bool
@@ -92,17 +94,27 @@ CONVERSION_GAIN = Field(f"{CAMERA}/conversion_gain", "f8", units="e-/count")
 READ_NOISE = Field(f"{CAMERA}/read_noise", "f8", units="e-")
 BAYER_PATTERN = Field(f"{CAMERA}/bayer_pattern", "str")
 COUNT_TIME = Field(f"{CAMERA}/count_time", "f8", ("E",), "s")
-IMAGES = Field(f"{CAMERA}/images", "u2", ("P", "E", "H", "W"), "counts")
+IMAGES = Field(f"{CAMERA}/images", "frame", ("P", "E", "H", "W", "C?"), "counts")
 FRAME_OK = Field(f"{CAMERA}/frame_ok", "u1", ("P", "E"))
 FRAME_DIGEST = Field(f"{CAMERA}/frame_digest", "S64", ("P", "E"))
 TIMESTAMP = Field(f"{CAMERA}/timestamp", "f8", ("P", "E"), "s")
 MONOTONIC = Field(f"{CAMERA}/monotonic_ns", "i8", ("P", "E"), "ns")
 EXPOSURE_READBACK = Field(f"{CAMERA}/exposure_readback", "f8", ("P", "E"), "s")
 SENSOR_TEMPERATURE = Field(f"{CAMERA}/sensor_temperature", "f8", ("P", "E"), "degC")
-DARK = Field(f"{CAMERA}/dark", "f4", ("E", "H", "W"), "counts", optional=True)
-DARK_VARIANCE = Field(f"{CAMERA}/dark_variance", "f4", ("E", "H", "W"), "counts^2", optional=True)
+DARK = Field(f"{CAMERA}/dark", "f4", ("E", "H", "W", "C?"), "counts", optional=True)
+DARK_VARIANCE = Field(f"{CAMERA}/dark_variance", "f4", ("E", "H", "W", "C?"), "counts^2", optional=True)
 DARK_TIMESTAMP = Field(f"{CAMERA}/dark_timestamp", "f8", ("E",), "s", optional=True)
 FLAT = Field(f"{CAMERA}/flat", "f4", ("H", "W"), optional=True)
+BLACK_LEVEL_CELL = Field(f"{CAMERA}/black_level_cell", "f8", (2, 2), "counts", optional=True)
+RESPONSE = Field(f"{CAMERA}/response", "f4", ("K", "L"), optional=True)
+RESPONSE_IMAGES = Field(f"{CAMERA}/response_images", "frame", ("R", "H", "W", "C?"), "counts", optional=True)
+RESPONSE_TIME = Field(f"{CAMERA}/response_time", "f8", ("R",), "s", optional=True)
+FLAT_IMAGES = Field(f"{CAMERA}/flat_images", "frame", ("F", "H", "W", "C?"), "counts", optional=True)
+FLAT_TIME = Field(f"{CAMERA}/flat_time", "f8", ("F",), "s", optional=True)
+FLAT_DISTANCE = Field(f"{CAMERA}/flat_distance", "f8", ("F",), "mm", optional=True)
+AMBIENT_IMAGES = Field(f"{CAMERA}/ambient_images", "frame", ("A", "H", "W", "C?"), "counts", optional=True)
+AMBIENT_TIME = Field(f"{CAMERA}/ambient_time", "f8", ("A",), "s", optional=True)
+AMBIENT_OF_POSE = Field(f"{CAMERA}/ambient_of_pose", "i4", ("P",), optional=True)
 
 LIGHT_TYPE = Field(f"{LIGHT}/type", "str")
 LIGHT_SERIAL = Field(f"{LIGHT}/serial_number", "str")
@@ -114,11 +126,14 @@ LIGHT_TEMPERATURE = Field(f"{LIGHT}/temperature", "f8", ("P", "E"), "degC")
 STAGE_SERIAL = Field(f"{STAGE}/serial_number", "str")
 SAMPLE_NAME = Field(f"{SAMPLE}/name", "str")
 
-AREA = Field(f"{CALIBRATION}/area", "f8", (2,), "mm")
-WORKING_DISTANCE = Field(f"{CALIBRATION}/working_distance", "f8", units="mm")
-FOCAL_LENGTH = Field(f"{CALIBRATION}/focal_length", "f8", units="pixels")
-LIGHT_OFFSET = Field(f"{CALIBRATION}/light_offset", "f8", (3,), "mm")
-LIGHT_OFFSET_SIGMA = Field(f"{CALIBRATION}/light_offset_sigma", "f8", (3,), "mm")
+AREA = Field(f"{CALIBRATION}/area", "f8", (2,), "mm", optional=True)
+WORKING_DISTANCE = Field(f"{CALIBRATION}/working_distance", "f8", units="mm", optional=True)
+FOCAL_LENGTH = Field(f"{CALIBRATION}/focal_length", "f8", units="pixels", optional=True)
+CAMERA_MATRIX = Field(f"{CALIBRATION}/camera_matrix", "f8", (3, 3), "pixels", optional=True)
+DISTORTION = Field(f"{CALIBRATION}/distortion", "f8", (5,), optional=True)
+LIGHT_OFFSET = Field(f"{CALIBRATION}/light_offset", "f8", (3,), "mm", optional=True)
+LIGHT_OFFSET_SIGMA = Field(f"{CALIBRATION}/light_offset_sigma", "f8", (3,), "mm", optional=True)
+PIXEL_PITCH = Field(f"{CALIBRATION}/pixel_pitch", "f8", units="mm", optional=True)
 BOARDS_JSON = Field(f"{BOARDS}/json", "str")
 
 PLAN_JSON = Field(f"{PLAN}/json", "str")
@@ -138,9 +153,9 @@ PROGRAM = Field(f"{PROCESS}/program", "str")
 PROGRAM_VERSION = Field(f"{PROCESS}/version", "str")
 DATE = Field(f"{PROCESS}/date", "str")
 SEQUENCE_INDEX = Field(f"{PROCESS}/sequence_index", "i4")
-RIG_TEXT = Field(f"{PROCESS}/rig/data", "str")
+RIG_TEXT = Field(f"{PROCESS}/rig/data", "str", optional=True)
 PROTOCOL_TEXT = Field(f"{PROCESS}/protocol/data", "str")
-RIG_JSON = Field(f"{PROCESS}/rig_values/data", "str")
+RIG_JSON = Field(f"{PROCESS}/rig_values/data", "str", optional=True)
 VERSIONS = Field(f"{PROCESS}/versions/data", "str")
 
 # Every dataset with a fixed name; those of a stage axis and of a board follow below.
@@ -179,7 +194,14 @@ GROUPS = {
     RAW: "NXdata",
     OVERVIEW: "NXdata",
     PROCESS: "NXprocess",
-    **{field.group: "NXnote" for field in (RIG_TEXT, PROTOCOL_TEXT, RIG_JSON, VERSIONS)},
+}
+
+# Notes within the process, with the type of their text.
+NOTES = {
+    RIG_TEXT: "application/toml",
+    PROTOCOL_TEXT: "application/toml",
+    RIG_JSON: "application/json",
+    VERSIONS: "application/json",
 }
 
 # A plot group shows datasets that lie elsewhere: group -> the fields it links to by hard links.

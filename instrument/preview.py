@@ -18,7 +18,7 @@ def preview_shape(height: int, width: int) -> tuple[int, int]:
 
 
 def preview(
-    counts: NDArray[np.uint16],
+    counts: NDArray[np.uint16] | NDArray[np.float32],
     exposure_times: NDArray[np.float64],
     black_level: float,
     saturated_fraction: NDArray[np.float64],
@@ -27,7 +27,7 @@ def preview(
 
     Parameters
     ----------
-    counts : ndarray of uint16, shape (E, H, W)
+    counts : ndarray of uint16 or float32, shape (E, H, W) or (E, H, W, 3)
         One bracket.
     exposure_times : ndarray, shape (E,)
         Seconds, ascending.
@@ -39,21 +39,21 @@ def preview(
     Returns
     -------
     ndarray of float32, shape (h, w)
-        Counts per second; a cell of a Bayer mosaic is averaged as a whole.
+        Counts per second; a cell of a Bayer mosaic is averaged as a whole, and so are the channels of a pixel.
     """
     usable = np.flatnonzero(saturated_fraction <= CLIPPED_SHARE)
     best = int(usable[-1]) if usable.size else 0
-    height, width = counts.shape[1:]
+    height, width = counts.shape[1:3]
     block = _block(height, width)
     h, w = preview_shape(height, width)
-    cells = counts[best, : h * block, : w * block].reshape(h, block, w, block)
-    means = cells.mean(axis=(1, 3), dtype=np.float64)
+    cells = counts[best, : h * block, : w * block].reshape(h, block, w, block, -1)
+    means = cells.mean(axis=(1, 3, 4), dtype=np.float64)
     return np.asarray((means - black_level) / exposure_times[best], dtype=np.float32)
 
 
 def fraction(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the share of pixels set in each frame; mask (E, H, W) to shape (E,)."""
-    return np.asarray(mask.mean(axis=(1, 2)), dtype=np.float64)
+    """Return the share of pixels set in each frame; mask (E, H, W) or (E, H, W, 3) to shape (E,)."""
+    return np.asarray(mask.reshape(len(mask), -1).mean(axis=1), dtype=np.float64)
 
 
 def _block(height: int, width: int) -> int:

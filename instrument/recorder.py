@@ -56,7 +56,7 @@ class Recorder:
         self.close(Status.INTERRUPTED)
 
     def write_darks(self, mean: NDArray[np.float32], variance: NDArray[np.float32], when_ns: list[int]) -> None:
-        """Write mean and variance of the dark frames; both (E, H, W) in counts, `when_ns` per exposure."""
+        """Write mean and variance of the dark frames; both (E, H, W[, 3]) in counts, `when_ns` per exposure."""
         self._write(layout.DARK, mean)
         self._write(layout.DARK_VARIANCE, variance)
         # The times say that the darks are whole, so they reach the disk after them.
@@ -78,6 +78,11 @@ class Recorder:
         self._file.flush()
         self._write(layout.POSE_COMPLETE, 1, i_pose)
         sync(self._file)
+
+    def write_beside(self, field: Field, i: int, picture: NDArray[np.uint16] | NDArray[np.float32]) -> None:
+        """Write picture `i` of those beside the poses: of ambient light, of a flat field, for the response."""
+        check_space(self._path, picture.nbytes)
+        self._write(field, picture, i)
 
     def note(self, event: str, **details: str | float) -> None:
         """Append a line to the journal's events; it reaches the disk with the next pose, or on closing."""
@@ -101,26 +106,29 @@ class Recorder:
 
     def _write_frames(self, i_pose: int, record: PoseRecord) -> None:
         black, saturation = (self._file[field.path][()] for field in (layout.BLACK_LEVEL, layout.SATURATION))
+        at = (i_pose, record.i_exposure)
         digests = [frame_digest(frame) for frame in record.counts]
         saturated = fraction(record.counts >= saturation)
-        self._write(layout.IMAGES, record.counts, i_pose)
-        self._write(layout.FRAME_OK, 1, i_pose)
-        self._write(layout.FRAME_DIGEST, np.asarray(digests, "S64"), i_pose)
+        for i_exposure, frame in zip(record.i_exposure, record.counts, strict=True):
+            self._write(layout.IMAGES, frame, (i_pose, i_exposure))
+        self._write(layout.FRAME_OK, 1, at)
+        self._write(layout.FRAME_DIGEST, np.asarray(digests, "S64"), at)
         self._write(layout.POSE_DIGEST, chain_digest(digests), i_pose)
-        self._write(layout.SATURATED_FRACTION, saturated, i_pose)
-        self._write(layout.BLACK_FRACTION, fraction(record.counts <= black), i_pose)
+        self._write(layout.SATURATED_FRACTION, saturated, at)
+        self._write(layout.BLACK_FRACTION, fraction(record.counts <= black), at)
         small = preview(record.counts, record.exposure_readback, black, saturated)
         self._write(layout.PREVIEW, small, i_pose)
 
     def _write_settings(self, i_pose: int, record: PoseRecord) -> None:
-        self._write(layout.EXPOSURE_READBACK, record.exposure_readback, i_pose)
-        self._write(layout.SENSOR_TEMPERATURE, record.sensor_temperature, i_pose)
-        self._write(layout.MONOTONIC, record.monotonic_ns, i_pose)
-        self._write(layout.TIMESTAMP, self._seconds(record.monotonic_ns), i_pose)
-        self._write(layout.LEVEL_SET, record.level_set, i_pose)
-        self._write(layout.LEVEL_READBACK, record.level_readback, i_pose)
-        self._write(layout.MONITOR, record.monitor, i_pose)
-        self._write(layout.LIGHT_TEMPERATURE, record.light_temperature, i_pose)
+        at = (i_pose, record.i_exposure)
+        self._write(layout.EXPOSURE_READBACK, record.exposure_readback, at)
+        self._write(layout.SENSOR_TEMPERATURE, record.sensor_temperature, at)
+        self._write(layout.MONOTONIC, record.monotonic_ns, at)
+        self._write(layout.TIMESTAMP, self._seconds(record.monotonic_ns), at)
+        self._write(layout.LEVEL_SET, record.level_set, at)
+        self._write(layout.LEVEL_READBACK, record.level_readback, at)
+        self._write(layout.MONITOR, record.monitor, at)
+        self._write(layout.LIGHT_TEMPERATURE, record.light_temperature, at)
         self._write(layout.ATTEMPTS, record.attempts, i_pose)
         for axis, position in record.positions.items():
             self._write(layout.axis_field(axis, "value"), position, i_pose)
@@ -129,7 +137,8 @@ class Recorder:
         self._file[field.path][at] = value
 
     def _seconds(self, monotonic_ns: NDArray[np.int64]) -> NDArray[np.float64]:
-        return (monotonic_ns - self._monotonic_start) / 1e9
+        since_start = (monotonic_ns - self._monotonic_start) / 1e9
+        return np.where(monotonic_ns > 0, since_start, np.nan)
 
 
 def _open_alone(path: Path) -> h5py.File:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 
 
 @dataclass(frozen=True, slots=True)
@@ -11,16 +12,18 @@ class Board:
 
     Attributes
     ----------
-    kind, dictionary : str
-        ``"charuco"`` and OpenCV's name of the marker dictionary.
+    kind : str
+        ``"charuco"`` or ``"checkerboard"``.
+    dictionary : str
+        OpenCV's name of the marker dictionary; ``""`` for a checkerboard.
     first_id : int
-        Number of its first marker.
+        Number of its first marker; 0 for a checkerboard.
     squares : tuple of int
         Squares across and down.
     square_mm, marker_mm : float
-        Sides in millimetres.
+        Sides in millimetres; a checkerboard's marker is 0.
     corner_mm : tuple of float
-        x and y of the top left corner in the sample frame (x right, y up).
+        x and y of the top left corner in the sample frame (x right, y up); NaN = to be measured.
     """
 
     kind: str
@@ -31,6 +34,11 @@ class Board:
     marker_mm: float
     corner_mm: tuple[float, float]
 
+    @property
+    def is_placed(self) -> bool:
+        """Whether somebody stated where it lies."""
+        return all(map(isfinite, self.corner_mm))
+
 
 @dataclass(frozen=True, slots=True)
 class CameraRecord:
@@ -40,16 +48,20 @@ class CameraRecord:
     ----------
     height, width : int
         Pixels of a raw frame.
+    n_channels : int
+        1 for a mosaic or a monochrome frame, 3 for one that holds red, green and blue at every pixel.
+    dtype : str
+        ``"u2"`` for counts, ``"f4"`` for pictures that came as floating-point numbers.
     bit_depth : int
         Bits of a count, right-aligned.
     black_level, saturation_value : float
-        Nominal counts of darkness and of clipping.
+        Nominal counts of darkness and of clipping; infinity where nothing clips.
     bayer_pattern : str
-        Colours of the 2 x 2 cell in reading order; ``""`` for monochrome.
+        Colours of the 2 x 2 cell in reading order; ``""`` where there is no mosaic.
     conversion_gain : float
-        Electrons per count.
+        Electrons per count; NaN if not known.
     read_noise : float
-        Standard deviation of the read-out in electrons.
+        Standard deviation of the read-out in electrons; NaN if not known.
     """
 
     make: str
@@ -57,9 +69,40 @@ class CameraRecord:
     serial_number: str
     height: int
     width: int
+    n_channels: int
+    dtype: str
     bit_depth: int
     black_level: float
     saturation_value: float
     bayer_pattern: str
     conversion_gain: float
     read_noise: float
+
+    @property
+    def frame_shape(self) -> tuple[int, ...]:
+        """Shape of a frame: (H, W), or (H, W, 3)."""
+        size = (self.height, self.width)
+        return size if self.n_channels == 1 else (*size, self.n_channels)
+
+
+@dataclass(frozen=True, slots=True)
+class Geometry:
+    """How sample, lens and light stand to each other, as stated; None = not stated.
+
+    Attributes
+    ----------
+    area_mm : tuple of float
+        Width and height of the area to reconstruct.
+    working_distance_mm : float
+        Lens to sample.
+    focal_length_px : float
+        Pixels.
+    light_offset_mm, light_offset_sigma_mm : tuple of float
+        Of the light from the lens in the camera frame (x right, y down, z forward), and its standard deviation.
+    """
+
+    area_mm: tuple[float, float] | None = None
+    working_distance_mm: float | None = None
+    focal_length_px: float | None = None
+    light_offset_mm: tuple[float, float, float] | None = None
+    light_offset_sigma_mm: tuple[float, float, float] | None = None

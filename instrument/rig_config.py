@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from itertools import combinations
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from instrument.board_config import BoardConfig, overlap
+from instrument.board_config import BoardConfig, Rectangle
+from instrument.board_misfits import board_misfits
 from instrument.settings import NonNegative, Positive, Settings, SettingsFile, Vector
 from instrument.toml_lines import KeyPath
 
@@ -47,7 +47,7 @@ class GeometryConfig(Settings):
     area_mm: tuple[Positive, Positive] = Field(description="width and height to reconstruct, mm")
 
     @property
-    def rectangle(self) -> tuple[float, float, float, float]:
+    def rectangle(self) -> Rectangle:
         """Left, bottom, right and top edge in mm: the area is centred on the origin."""
         width, height = self.area_mm
         return (-width / 2, -height / 2, width / 2, height / 2)
@@ -94,36 +94,11 @@ class RigConfig(SettingsFile):
 
 
 def rig_misfits(boards: Mapping[int, BoardConfig], geometry: GeometryConfig | None) -> Iterator[tuple[KeyPath, str]]:
-    """Yield where and why tables do not fit each other.
-
-    It takes those that are well formed by themselves, so that a mistake in one table does not hide
-    another one between two others.
-    """
+    """Yield where and why tables that are well formed by themselves do not fit each other."""
+    yield from board_misfits(boards, None if geometry is None else geometry.rectangle, "geometry.area_mm")
     for i, board in boards.items():
-        if geometry is not None and overlap(board.rectangle, geometry.rectangle):
-            yield _at(i, "corner_mm", f"{_box(board)}, which overlaps geometry.area_mm; move it outside")
-    for (i, first), (j, second) in combinations(boards.items(), 2):
-        if overlap(first.rectangle, second.rectangle):
-            yield _at(j, "corner_mm", f"{_box(second)}, which overlaps boards[{i}] ({_box(first)})")
-        yield from _shared_markers(i, first, j, second)
-
-
-def _shared_markers(i: int, first: BoardConfig, j: int, second: BoardConfig) -> Iterator[tuple[KeyPath, str]]:
-    shared = sorted(set(first.marker_ids) & set(second.marker_ids))
-    if shared and first.dictionary == second.dictionary:
-        yield _at(
-            j,
-            "first_id",
-            f"the board's marker ids {second.marker_ids[0]} to {second.marker_ids[-1]} overlap those of "
-            f"boards[{i}] ({first.marker_ids[0]} to {first.marker_ids[-1]}); "
-            f"the next free id after that board is {first.marker_ids[-1] + 1}",
-        )
-
-
-def _at(i: int, key: str, text: str) -> tuple[KeyPath, str]:
-    return ("boards", i, key), f"boards[{i}].{key}: {text}"
-
-
-def _box(board: BoardConfig) -> str:
-    left, bottom, right, top = board.rectangle
-    return f"the board covers x {left:g} to {right:g}, y {bottom:g} to {top:g} mm"
+        # The one driver that there is draws its boards itself.
+        if board.kind != "charuco":
+            yield ("boards", i, "kind"), f"boards[{i}].kind is {board.kind!r}; the simulated rig shows 'charuco' only"
+        if board.corner_mm is None:
+            yield ("boards", i, "corner_mm"), f"boards[{i}].corner_mm: the simulated rig needs the place in numbers"

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from instrument import layout
 from instrument.digests import chain_digest
+from instrument.import_plan import is_import
 from instrument.layout import Status
-from instrument.records import Board, CameraRecord
-from instrument.session_reader import SessionReader
-from instrument.structure import axis_names, n_boards
+from instrument.records import CameraRecord
+from instrument.session_beside import BesideReader
+from instrument.structure import axis_names
 
 
-class Session(SessionReader):
+class Session(BesideReader):
     """One capture, open to read.
 
     Values are read when they are asked for, and small ones are kept. Indices of poses and exposures
@@ -34,7 +35,7 @@ class Session(SessionReader):
 
     @property
     def title(self) -> str:
-        """Name of the protocol."""
+        """Name of the protocol or of the import."""
         return self._text(layout.TITLE)
 
     @property
@@ -60,11 +61,6 @@ class Session(SessionReader):
             return Status(text)
 
     @cached_property
-    def n_poses(self) -> int:
-        """P, how many poses the plan has."""
-        return int(self._file[layout.IMAGES.path].shape[0])
-
-    @cached_property
     def exposure_times(self) -> NDArray[np.float64]:
         """Nominal exposure times, shape (E,), seconds, ascending."""
         return self._array(layout.COUNT_TIME)
@@ -72,13 +68,16 @@ class Session(SessionReader):
     @cached_property
     def camera(self) -> CameraRecord:
         """The camera and its nominal levels."""
-        height, width = self._file[layout.IMAGES.path].shape[2:]
+        images = self._file[layout.IMAGES.path]
+        height, width, *channels = images.shape[2:]
         return CameraRecord(
             make=self._text(layout.MAKE),
             model=self._text(layout.MODEL),
             serial_number=self._text(layout.SERIAL),
             height=int(height),
             width=int(width),
+            n_channels=int(channels[0]) if channels else 1,
+            dtype=images.dtype.str[1:],
             bit_depth=int(self._scalar(layout.BIT_DEPTH)),
             black_level=self._scalar(layout.BLACK_LEVEL),
             saturation_value=self._scalar(layout.SATURATION),
@@ -104,7 +103,9 @@ class Session(SessionReader):
         return self._array(layout.FRAME_OK).astype(bool)
 
     def frames(self, i_pose: int) -> NDArray[np.uint16]:
-        """Return the raw frames of one pose, shape (E, H, W), counts.
+        """Return the raw frames of one pose, shape (E, H, W) or (E, H, W, 3), counts.
+
+        They are float32 where the pictures came as floating-point numbers; one that is not valid is 0.
 
         Raises
         ------
@@ -118,7 +119,7 @@ class Session(SessionReader):
         return self._array(layout.IMAGES, i_pose)
 
     def frame(self, i_pose: int, i_exposure: int) -> NDArray[np.uint16]:
-        """Return one raw frame, shape (H, W), counts."""
+        """Return one raw frame, shape (H, W) or (H, W, 3), counts."""
         return self._array(layout.IMAGES, (i_pose, i_exposure))
 
     @property
@@ -128,12 +129,15 @@ class Session(SessionReader):
 
     @property
     def dark(self) -> NDArray[np.float32] | None:
-        """Mean dark frame of each exposure time, shape (E, H, W), counts; None if not taken."""
+        """Mean dark frame of each exposure time, shape (E, H, W) or (E, H, W, 3), counts; None if not taken."""
         return self._array(layout.DARK) if self.has_darks else None
 
     @property
     def dark_variance(self) -> NDArray[np.float32] | None:
-        """Variance of a single dark frame, shape (E, H, W), counts squared; None if not taken."""
+        """Variance of a single dark frame, shape of `dark`, counts squared; None if not taken.
+
+        NaN where an import had one dark frame only.
+        """
         return self._array(layout.DARK_VARIANCE) if self.has_darks else None
 
     @property
@@ -158,39 +162,8 @@ class Session(SessionReader):
 
     @property
     def saturated_fraction(self) -> NDArray[np.float64]:
-        """Share of clipped pixels, shape (P, E)."""
+        """Share of clipped pixels, shape (P, E); NaN where there is no frame."""
         return self._array(layout.SATURATED_FRACTION)
-
-    @cached_property
-    def boards(self) -> tuple[Board, ...]:
-        """The marker boards in the sample plane."""
-        return tuple(self._board(index) for index in range(n_boards(self._file)))
-
-    @cached_property
-    def light_offset_mm(self) -> NDArray[np.float64]:
-        """Nominal light position in the camera frame, shape (3,), mm."""
-        return self._array(layout.LIGHT_OFFSET)
-
-    @cached_property
-    def light_offset_sigma_mm(self) -> NDArray[np.float64]:
-        """Standard deviation of `light_offset_mm`, shape (3,), mm."""
-        return self._array(layout.LIGHT_OFFSET_SIGMA)
-
-    @cached_property
-    def area_mm(self) -> tuple[float, float]:
-        """Width and height of the area to reconstruct, mm."""
-        width, height = self._array(layout.AREA)
-        return float(width), float(height)
-
-    @property
-    def working_distance_mm(self) -> float:
-        """Lens to sample, nominal, mm."""
-        return self._scalar(layout.WORKING_DISTANCE)
-
-    @property
-    def focal_length_px(self) -> float:
-        """Nominal focal length, pixels."""
-        return self._scalar(layout.FOCAL_LENGTH)
 
     @property
     def plan_json(self) -> str:
@@ -203,23 +176,28 @@ class Session(SessionReader):
         return self._text(layout.PLAN_SHA256)
 
     @property
+    def is_imported(self) -> bool:
+        """Whether it holds pictures from elsewhere instead of a capture."""
+        return is_import(self.plan_json)
+
+    @property
     def rig_text(self) -> str:
-        """The rig file as its author wrote it."""
-        return self._text(layout.RIG_TEXT)
+        """The rig file as its author wrote it; empty for an import."""
+        return self._text(layout.RIG_TEXT) if layout.RIG_TEXT.path in self._file else ""
 
     @property
     def rig_json(self) -> str:
-        """The rig's values with the defaults of the day of the capture."""
-        return self._text(layout.RIG_JSON)
+        """The rig's values with the defaults of the day of the capture; empty for an import."""
+        return self._text(layout.RIG_JSON) if layout.RIG_JSON.path in self._file else ""
 
     @property
     def protocol_text(self) -> str:
-        """The protocol file as its author wrote it."""
+        """The protocol file, or the `capture.toml` of an import, as its author wrote it."""
         return self._text(layout.PROTOCOL_TEXT)
 
     @property
     def frame_digests(self) -> list[list[str]]:
-        """SHA-256 of each frame, P lists of E; empty texts where not captured."""
+        """SHA-256 of each frame, P lists of E; empty texts where there is none."""
         texts = self._texts(layout.FRAME_DIGEST)
         n_exposures = len(self.exposure_times)
         return [texts[i : i + n_exposures] for i in range(0, len(texts), n_exposures)]
@@ -238,17 +216,3 @@ class Session(SessionReader):
         """Return the SHA-256 over the plan and the frames of all complete poses, for provenance."""
         complete = zip(self.pose_complete, self.frame_digests, strict=True)
         return chain_digest([self.plan_sha256, *("".join(row) if whole else "-" for whole, row in complete)])
-
-    def _board(self, index: int) -> Board:
-        kind, dictionary, first_id, squares, square, marker, corner = layout.board_fields(index)
-        across, down = self._array(squares)
-        left, top = self._array(corner)
-        return Board(
-            kind=self._text(kind),
-            dictionary=self._text(dictionary),
-            first_id=int(self._scalar(first_id)),
-            squares=(int(across), int(down)),
-            square_mm=self._scalar(square),
-            marker_mm=self._scalar(marker),
-            corner_mm=(float(left), float(top)),
-        )

@@ -64,6 +64,16 @@ class SessionReader:
     def _scalar(self, field: Field) -> float:
         return float(self._array(field))
 
+    def _stated(self, field: Field) -> NDArray[Any] | None:
+        """Return the values of an optional field, None if the session lacks it."""
+        return self._array(field) if field.path in self._file else None
+
+    def _stated_scalar(self, field: Field) -> float | None:
+        return self._scalar(field) if field.path in self._file else None
+
+    def _array_or_empty(self, field: Field) -> NDArray[Any]:
+        return self._array(field) if field.path in self._file else np.zeros(0, field.dtype)
+
     def _text(self, field: Field) -> str:
         with self._reading(field):
             return str(self._file[field.path].asstr()[()])
@@ -138,6 +148,7 @@ def _why_foreign(file: h5py.File) -> str:
         return f"this HDF5 file is not of halfangle: {layout.ENTRY} has no {layout.SCHEMA_ATTRIBUTE}"
     if "instrument" not in holds:
         return f"this is not a session: {layout.ENTRY} holds {', '.join(sorted(holds)) or 'nothing'}"
-    if version.split(".", maxsplit=1)[0] != layout.SCHEMA_VERSION.split(".")[0]:
-        return f"the session has format {version}; this halfangle reads {layout.SCHEMA_VERSION}"
+    major = layout.SCHEMA_VERSION.split(".")[0]
+    if version.split(".", maxsplit=1)[0] != major:
+        return f"the session has format {version}; this halfangle reads {major}.x"
     return ""

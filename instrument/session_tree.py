@@ -46,47 +46,69 @@ def _write_root(file: h5py.File, now: str) -> None:
 
 def _write_fields(file: h5py.File, header: SessionHeader, known: Mapping[Field, Any]) -> None:
     dims = _dims(header)
+    later = {layout.DARK, layout.DARK_VARIANCE, layout.DARK_TIMESTAMP} if header.has_darks else set()
     for field in layout.FIELDS:
-        if not field.optional or (header.darks and field is not layout.FLAT):
-            _create(file, field, dims, known.get(field))
-    for note in (layout.RIG_TEXT, layout.PROTOCOL_TEXT):
-        file[note.group]["type"] = "application/toml"
-        file[note.group]["file_name"] = f"{note.group.rpartition('/')[2]}.toml"
-    for note in (layout.RIG_JSON, layout.VERSIONS):
-        file[note.group]["type"] = "application/json"
+        if not field.optional or field in later or field in known:
+            _create(file, field, header, _shape(field, dims), known.get(field))
+    for field, shape in header.empty.items():
+        _create(file, field, header, shape, None)
+    for note, kind in layout.NOTES.items():
+        if note.path in file:
+            _describe_note(file[note.group], kind)
 
 
-def _create(file: h5py.File, field: Field, dims: Mapping[str | int, int], value: Any) -> h5py.Dataset:
-    dtype = h5py.string_dtype() if field.dtype == "str" else np.dtype(field.dtype)
-    shape = tuple(dims.get(part, part) for part in field.shape)
+def _describe_note(group: h5py.Group, kind: str) -> None:
+    group.attrs["NX_class"] = "NXnote"
+    group["type"] = kind
+    if kind == "application/toml":
+        group["file_name"] = f"{group.name.rpartition('/')[2]}.toml"
+
+
+def _create(file: h5py.File, field: Field, header: SessionHeader, shape: tuple[int, ...], value: Any) -> h5py.Dataset:
+    dtype = h5py.string_dtype() if field.dtype == "str" else np.dtype(_dtype(field, header))
     options: dict[str, Any] = {}
-    if field is layout.IMAGES:
+    if field.dtype == "frame":
         # Lossless, half the size at 2 ms more a frame; one frame a chunk, so that none needs its neighbours.
-        options = {"chunks": (1, 1, *shape[2:]), **hdf5plugin.Bitshuffle(cname="lz4")}
+        n_leading = field.shape.index("H")
+        options = {"chunks": (1,) * n_leading + shape[n_leading:], **hdf5plugin.Bitshuffle(cname="lz4")}
     elif field is layout.EVENTS:
         options = {"maxshape": (None,), "chunks": (64,)}
     if dtype.kind == "f":
         options["fillvalue"] = np.nan
+    # A value that is known brings its own shape: not all letters have a size in every session.
+    shape = shape if value is None or isinstance(value, str) else np.shape(value)
     dataset = file.create_dataset(field.path, shape, dtype, data=value, **options)
     if field.units:
         dataset.attrs["units"] = field.units
     return dataset
 
 
-def _dims(header: SessionHeader) -> dict[str | int, int]:
-    height, width = header.frame_shape
-    h, w = preview_shape(height, width)
-    n_exposures = len(header.exposure_times)
-    return {"P": header.n_poses, "E": n_exposures, "H": height, "W": width, "h": h, "w": w, "*": 0}
+def _dtype(field: Field, header: SessionHeader) -> str:
+    return header.camera.dtype if field.dtype == "frame" else field.dtype
+
+
+def _shape(field: Field, dims: Mapping[str | int, int | None]) -> tuple[int, ...]:
+    """Return the sizes of a field; an axis that frames of this camera lack has none."""
+    sizes = (dims.get(part, part) for part in field.shape)
+    return tuple(size for size in sizes if isinstance(size, int))
+
+
+def _dims(header: SessionHeader) -> dict[str | int, int | None]:
+    camera = header.camera
+    h, w = preview_shape(camera.height, camera.width)
+    channels = camera.n_channels if camera.n_channels > 1 else None
+    n_poses, n_exposures = header.n_poses, len(header.exposure_times)
+    frame: dict[str | int, int | None] = {"H": camera.height, "W": camera.width, "C?": channels}
+    return {"P": n_poses, "E": n_exposures, **frame, "h": h, "w": w, "*": 0}
 
 
 def _write_axes(file: h5py.File, header: SessionHeader) -> None:
     """Write an NXpositioner for each axis and chain their values as transformations of the sample."""
     rides_on = "."
-    for axis in header.stage.axes:
+    for axis in header.axes:
         file.require_group(f"{layout.STAGE}/{axis.name}").attrs["NX_class"] = "NXpositioner"
         for field, value in _axis_values(axis, header):
-            _create(file, field, _dims(header), value)
+            _create(file, field, header, _shape(field, _dims(header)), value)
         position = file[layout.axis_field(axis.name, "value").path]
         position.attrs.update(transformation_type=axis.kind, vector=axis.vector, depends_on=rides_on)
         rides_on = f"{layout.TRANSFORMATIONS}/{axis.name}"
@@ -107,10 +129,10 @@ def _axis_values(axis: AxisDescription, header: SessionHeader) -> Iterator[tuple
 
 
 def _write_boards(file: h5py.File, header: SessionHeader) -> None:
-    for index, board in enumerate(header.rig.boards):
+    for index, board in enumerate(header.boards):
         file.require_group(layout.board_group(index)).attrs["NX_class"] = "NXcollection"
         for field in layout.board_fields(index):
-            _create(file, field, {}, getattr(board, field.name))
+            _create(file, field, header, _shape(field, {}), getattr(board, field.name))
 
 
 def _write_plots(file: h5py.File) -> None:
@@ -119,14 +141,16 @@ def _write_plots(file: h5py.File) -> None:
     for group, fields in layout.LINKS.items():
         for field in fields:
             file[group]["pose" if field is layout.ORDER else field.name] = file[field.path]
-    for field in (layout.IMAGES, layout.PREVIEW):
-        file[field.path].attrs["interpretation"] = "image"
+    n_axes = file[layout.IMAGES.path].ndim
+    file[layout.IMAGES.path].attrs["interpretation"] = "image" if n_axes == 4 else "rgba-image"
+    file[layout.PREVIEW.path].attrs["interpretation"] = "image"
     _plot(file[layout.OVERVIEW], "preview", ["pose", ".", "."])
-    _plot(file[layout.RAW], "images", ["pose", "count_time", ".", "."])
+    _plot(file[layout.RAW], "images", ["pose", "count_time", *["."] * (n_axes - 2)])
     _plot(file[layout.QUALITY], "saturated_fraction", ["pose", "count_time"])
     file[layout.OVERVIEW].attrs["SILX_style"] = json.dumps({"signal_scale_type": "log"})
     file[layout.QUALITY].attrs["auxiliary_signals"] = ["black_fraction"]
-    file[layout.LIGHT]["position"] = file[layout.LIGHT_OFFSET.path]
+    if layout.LIGHT_OFFSET.path in file:
+        file[layout.LIGHT]["position"] = file[layout.LIGHT_OFFSET.path]
 
 
 def _plot(group: h5py.Group, signal: str, axes: list[str]) -> None:

@@ -24,6 +24,9 @@ HDF5_ERRORS = (
     SystemError,
 )
 
+# A frame is counts, or floating-point numbers where a picture came as such.
+FRAME_DTYPES = ("u2", "f4")
+
 Dims = MutableMapping[str, int]
 
 
@@ -103,7 +106,8 @@ def _dataset_problems(dataset: h5py.Dataset | h5py.Group, field: Field, dims: Di
     if dataset.is_virtual or dataset.external:
         yield Problem(field.path, "takes its values from other files; a session holds all of its data itself")
     if not _dtype_fits(dataset.dtype, field):
-        yield Problem(field.path, f"has type {dataset.dtype}; expected {field.dtype}")
+        expected = " or ".join(FRAME_DTYPES) if field.dtype == "frame" else field.dtype
+        yield Problem(field.path, f"has type {dataset.dtype}; expected {expected}")
     if not _shape_fits(dataset.shape, field, dims):
         yield Problem(field.path, f"has shape {dataset.shape}; expected {_expected_shape(field, dims)}")
     units = dataset.attrs.get("units", "")
@@ -114,13 +118,18 @@ def _dataset_problems(dataset: h5py.Dataset | h5py.Group, field: Field, dims: Di
 def _dtype_fits(dtype: np.dtype[np.generic], field: Field) -> bool:
     if field.dtype == "str" or field.dtype.startswith("S"):
         return h5py.check_string_dtype(dtype) is not None
+    if field.dtype == "frame":
+        return dtype in map(np.dtype, FRAME_DTYPES)
     return dtype == np.dtype(field.dtype)
 
 
 def _shape_fits(shape: tuple[int, ...] | None, field: Field, dims: Dims) -> bool:
-    if shape is None or len(shape) != len(field.shape):
+    if shape is None:
         return False
-    return all(
+    if field.shape[-1:] == ("C?",) and len(shape) == len(field.shape) - 1:
+        # Frames without channels, which then no other field of the session may have.
+        shape = (*shape, 0)
+    return len(shape) == len(field.shape) and all(
         part == "*" or size == (dims.setdefault(part, size) if isinstance(part, str) else part)
         for part, size in zip(field.shape, shape, strict=True)
     )
@@ -135,7 +144,9 @@ def _too_large(dims: Dims) -> Iterator[Problem]:
     for name, largest in layout.LARGEST.items():
         if not 0 < dims.get(name, 1) <= largest:
             yield Problem(layout.IMAGES.path, f"has {name} = {dims[name]}; allowed is 1 to {largest}")
-    bracket = 2 * dims.get("E", 0) * dims.get("H", 0) * dims.get("W", 0)
+    if dims.get("C?", 0) not in (0, 3):
+        yield Problem(layout.IMAGES.path, f"has {dims['C?']} channels; allowed are 3, or no such axis")
+    bracket = 2 * max(1, dims.get("C?", 0)) * dims.get("E", 0) * dims.get("H", 0) * dims.get("W", 0)
     if bracket > layout.LARGEST_BRACKET_BYTES:
         limit = layout.LARGEST_BRACKET_BYTES
         yield Problem(layout.IMAGES.path, f"needs {bracket} bytes for one pose; allowed are {limit}")

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from instrument.records import CameraRecord
 from instrument.session import Session
 from instrument.validation import InvalidInputError
 
@@ -32,7 +33,7 @@ def summarise(path: Path) -> dict[str, Any]:
             "exposure_times_s": session.exposure_times.tolist(),
             "largest_saturated_fraction": _largest(clipped),
             "has_darks": session.has_darks,
-            "camera": f"{camera.make} {camera.model}, serial number {camera.serial_number}",
+            "camera": _name(camera),
             "frame_size": [camera.width, camera.height],
             "bayer_pattern": camera.bayer_pattern,
             "n_boards": len(session.boards),
@@ -56,7 +57,12 @@ def _summary_or_none(path: Path) -> list[dict[str, Any]]:
         return []
 
 
+def _name(camera: CameraRecord) -> str:
+    name = f"{camera.make} {camera.model}".strip() or "unknown"
+    return f"{name}, serial number {camera.serial_number}" if camera.serial_number else name
+
+
 def _largest(clipped: np.ndarray[Any, np.dtype[np.float64]]) -> list[float | None]:
-    """Return the largest value of each column, None where no pose is complete."""
-    rows = clipped[np.isfinite(clipped).all(axis=1)]
-    return rows.max(axis=0).tolist() if len(rows) else [None] * clipped.shape[1]
+    """Return the largest value of each column, None where no complete pose has a frame."""
+    columns = (column[np.isfinite(column)] for column in clipped.T)
+    return [float(column.max()) if column.size else None for column in columns]

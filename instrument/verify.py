@@ -10,6 +10,7 @@ import numpy as np
 
 from instrument import layout
 from instrument.digests import chain_digest, frame_digest, text_digest
+from instrument.import_plan import ImportPlan
 from instrument.layout import Status
 from instrument.session import Session
 from instrument.session_reader import open_session_file
@@ -51,7 +52,8 @@ def plan_problems(session: Session) -> Iterator[Problem]:
         return
     try:
         plan = json.loads(session.plan_json)
-        times, n_poses = plan["exposure_times_s"], len(plan["positions"])
+        imported = ImportPlan.from_dict(plan) if session.is_imported else None
+        times, n_poses = plan["exposure_times_s"], len(plan["poses"] if imported else plan["positions"])
     except (ValueError, KeyError, TypeError):
         yield Problem(layout.PLAN_JSON.path, "is not a plan")
         return
@@ -59,6 +61,18 @@ def plan_problems(session: Session) -> Iterator[Problem]:
         yield Problem(layout.COUNT_TIME.path, f"differs from the plan's {times} s")
     if n_poses != session.n_poses:
         yield Problem(layout.IMAGES.path, f"holds {session.n_poses} poses; the plan has {n_poses}")
+    elif imported is not None:
+        yield from _source_problems(session, imported)
+
+
+def _source_problems(session: Session, plan: ImportPlan) -> Iterator[Problem]:
+    """Yield where the frames of an import are not those of the pictures that its plan names."""
+    ok, readback = session.frame_ok, session.exposure_readback
+    for i_pose, sources in enumerate(plan.poses):
+        times = [source.exposure_time_s for source in sources]
+        if times != readback[i_pose][ok[i_pose]].tolist():
+            files = ", ".join(source.file for source in sources)
+            yield Problem(layout.EXPOSURE_READBACK.path, f"pose {i_pose} is not {files} of {times} s, as the plan says")
 
 
 def _status_problems(session: Session) -> Iterator[Problem]:
@@ -74,7 +88,7 @@ def _journal_problems(session: Session) -> Iterator[Problem]:
     whole, ok = session.pose_complete, session.frame_ok
     for i_pose in np.flatnonzero(whole & ~ok.any(axis=1)):
         yield Problem(layout.FRAME_OK.path, f"pose {i_pose} is marked complete without a valid frame")
-    for i_pose in np.flatnonzero(whole & ~(session.exposure_readback > 0).all(axis=1)):
+    for i_pose in np.flatnonzero(whole & (ok & ~(session.exposure_readback > 0)).any(axis=1)):
         yield Problem(layout.EXPOSURE_READBACK.path, f"pose {i_pose} is marked complete without read-backs")
 
 

@@ -167,6 +167,7 @@ def _confirm_dark(light: Light) -> None:
 
 def _record(shots: list[Shot], level: float, positions: Mapping[str, float], attempt: int) -> PoseRecord:
     return PoseRecord(
+        i_exposure=np.arange(len(shots)),
         counts=np.stack([shot.frame.counts for shot in shots]),
         exposure_readback=np.array([shot.frame.exposure_time for shot in shots]),
         sensor_temperature=np.array([shot.frame.sensor_temperature for shot in shots]),

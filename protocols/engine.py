@@ -9,21 +9,25 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
+from drivers.camera import CameraDescription
 from drivers.errors import DeviceError
 from drivers.registry import open_devices
 from instrument.config import ProtocolConfig, RigConfig
 from instrument.layout import Status
 from instrument.recorder import Recorder
+from instrument.records import CameraRecord, Geometry
 from instrument.rig import OpenDevices, Rig
 from instrument.session import Session
 from instrument.session_file import create_session, refuse_existing
-from instrument.session_header import SessionHeader
+from instrument.session_header import Provenance, SessionHeader
 from instrument.validation import InvalidInputError, Problem, raise_if_any
 from instrument.verify import plan_problems
 from protocols.plan import Plan
 from protocols.preflight import preflight_problems
 from protocols.progress import Progress, State, Watcher, tell
 from protocols.run import CaptureFaultError, Outcome, Run
+
+NOTHING_TO_DO = "already complete; there is nothing to do"
 
 __all__ = ["CaptureFaultError", "Outcome", "Progress", "State", "capture", "resume"]
 
@@ -70,7 +74,7 @@ def capture(
     with Rig.connected(rig_config, devices) as rig:
         raise_if_any("the rig cannot do this protocol", preflight_problems(rig, plan))
         header = _header(rig, protocol_config, plan)
-        create_session(path, header, plan.bytes(*header.frame_shape))
+        create_session(path, header, plan.bytes(header.camera.height, header.camera.width))
         with Recorder(path) as recorder:
             return Run(rig, recorder, plan, path, watcher=progress).run()
 
@@ -94,6 +98,9 @@ def resume(path: Path | str, progress: Watcher | None = None, devices: OpenDevic
     OSError
         If the session cannot be written, for one because another process writes it.
     """
+    imported = _imported(Path(path))
+    if imported is not None:
+        return imported
     begun = _Begun.read(Path(path))
     n_poses = begun.plan.n_poses
     if len(begun.complete) == n_poses:
@@ -135,6 +142,19 @@ class _Begun:
             )
 
 
+def _imported(path: Path) -> Outcome | None:
+    """Return how it stands with a session that was imported, whole or not at all; None for a captured one."""
+    with Session(path) as session:
+        if not session.is_imported:
+            return None
+        raise_if_any(f"{path} cannot be resumed", plan_problems(session))
+        n_complete, n_poses = int(session.pose_complete.sum()), session.n_poses
+    if n_complete < n_poses:
+        what = f"holds {n_complete} of {n_poses} poses; import the pictures again: halfangle import FOLDER"
+        raise InvalidInputError(f"{path} cannot be resumed", [Problem("/entry/journal/pose_complete", what)])
+    return Outcome(State.SAFE, path, n_poses, n_poses, NOTHING_TO_DO)
+
+
 def _rig_from(session: Session) -> RigConfig:
     try:
         rig = RigConfig.model_validate_json(session.rig_json, strict=True)
@@ -146,17 +166,55 @@ def _rig_from(session: Session) -> RigConfig:
 
 
 def _header(rig: Rig, protocol: ProtocolConfig, plan: Plan) -> SessionHeader:
+    sample = protocol.sample or "a sample"
+    light, stage = rig.light.describe(), rig.stage.describe()
     return SessionHeader(
-        rig=rig.config,
-        protocol=protocol,
+        title=protocol.name,
+        sample=protocol.sample,
+        description=f"{protocol.name}: {sample} on {rig.config.name}",
         plan_json=plan.json,
         plan_sha256=plan.sha256,
+        n_poses=plan.n_poses,
         exposure_times=plan.exposure_times,
+        camera=_camera_record(rig.camera.describe()),
+        geometry=_geometry(rig.config),
+        boards=tuple(board.record for board in rig.config.boards),
+        provenance=Provenance(protocol.text, rig.config.text, rig.config.model_dump_json()),
+        light_type="LED",
+        light_serial=light.serial_number,
+        stage_serial=stage.serial_number,
+        axes=stage.axes,
         targets=plan.targets,
-        darks=plan.darks,
-        camera=rig.camera.describe(),
-        light=rig.light.describe(),
-        stage=rig.stage.describe(),
+        has_darks=plan.darks > 0,
+    )
+
+
+def _camera_record(camera: CameraDescription) -> CameraRecord:
+    return CameraRecord(
+        make=camera.make,
+        model=camera.model,
+        serial_number=camera.serial_number,
+        height=camera.height,
+        width=camera.width,
+        n_channels=1,
+        dtype="u2",
+        bit_depth=camera.bit_depth,
+        black_level=camera.black_level,
+        saturation_value=camera.saturation_level,
+        bayer_pattern=camera.bayer_pattern,
+        conversion_gain=camera.conversion_gain,
+        read_noise=camera.read_noise,
+    )
+
+
+def _geometry(rig: RigConfig) -> Geometry:
+    sigma = rig.light.offset_sigma_mm
+    return Geometry(
+        area_mm=rig.geometry.area_mm,
+        working_distance_mm=rig.geometry.working_distance_mm,
+        focal_length_px=rig.camera.focal_length_px,
+        light_offset_mm=rig.light.offset_mm,
+        light_offset_sigma_mm=(sigma, sigma, sigma),
     )
 
 
@@ -166,7 +224,7 @@ def _close_complete(begun: _Begun) -> Outcome:
         with Recorder(begun.path) as recorder:
             recorder.close(Status.COMPLETE)
     n_poses = begun.plan.n_poses
-    return Outcome(State.SAFE, begun.path, n_poses, n_poses, "already complete; there is nothing to do")
+    return Outcome(State.SAFE, begun.path, n_poses, n_poses, NOTHING_TO_DO)
 
 
 def _check_same_devices(rig: Rig, begun: _Begun) -> None:

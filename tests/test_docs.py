@@ -5,12 +5,16 @@ from __future__ import annotations
 import re
 import shlex
 from pathlib import Path
+from typing import get_args
 
 import click
 import pytest
+from pydantic import BaseModel
 
 from cli.main import halfangle
 from instrument.config import load_protocol, load_rig
+from instrument.pictures.capture_config import CaptureConfig
+from instrument.pictures.importing import load_capture
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -53,3 +57,31 @@ def test_the_examples_are_valid() -> None:
     assert load_rig(ROOT / "examples" / "simulated.toml").name
     for protocol in ("hdr_sweep.toml", "quick_sweep.toml"):
         assert load_protocol(ROOT / "examples" / protocol).name
+
+
+CAPTURE_EXAMPLES = re.findall(
+    r"```toml\n(.*?)```", (ROOT / "docs" / "import.md").read_text(encoding="utf-8"), re.DOTALL
+)
+
+
+@pytest.mark.parametrize("text", CAPTURE_EXAMPLES, ids=lambda text: text.splitlines()[0])
+def test_every_capture_file_in_the_documentation_is_valid(text: str, tmp_path: Path) -> None:
+    (tmp_path / "capture.toml").write_text(text, encoding="utf-8")
+    assert load_capture(tmp_path / "capture.toml").name
+
+
+def capture_keys(model: type[BaseModel]) -> set[str]:
+    """Return every key and table that a capture.toml may have, at any depth."""
+    keys = set(model.model_fields)
+    for field in model.model_fields.values():
+        for kind in (field.annotation, *get_args(field.annotation)):
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                keys |= capture_keys(kind)
+    return keys
+
+
+def test_the_page_of_import_explains_every_key_and_no_other() -> None:
+    rows = re.findall(r"^\| ([^|]*) \|", (ROOT / "docs" / "import.md").read_text(encoding="utf-8"), re.MULTILINE)
+    explained = {key for row in rows for key in re.findall(r"`\[*([a-z_]+)\]*`", row)}
+    in_a_value = {"files", "times_s", "distance_mm"}
+    assert capture_keys(CaptureConfig) - in_a_value == explained - in_a_value

@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from cli.main import halfangle, main
 from instrument import layout
 from protocols.engine import capture
+from tests.instrument.pictures.folders import mosaic, write_dng
 from tests.protocols.fakes import FakeBench, protocol_config, rig_config
 
 
@@ -76,7 +77,20 @@ def test_list_shows_the_sessions_of_a_folder_and_nothing_else(
     assert [row["title"] for row in json.loads(capsys.readouterr().out)] == ["two views"]
 
 
-@pytest.mark.parametrize("command", ["info", "verify", "list"])
+def test_export_writes_a_folder_that_import_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    # LibRaw reads no frames of less than 22 pixels, which those of the fakes are.
+    write_dng(tmp_path / "a.dng", mosaic(0), 0.125)
+    (tmp_path / "capture.toml").write_text('name = "leaf"\n')
+    with pytest.raises(SystemExit):
+        main(["import", str(tmp_path), "-o", str(tmp_path / "s.h5")])
+    assert run("export", tmp_path / "s.h5", "-o", tmp_path / "out") == 0
+    assert capsys.readouterr().out.endswith("out: 1 pictures and capture.toml\n")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["capture.toml", "pose_0000_0.dng"]
+    assert run("export", tmp_path / "s.h5", "-o", tmp_path / "out") == 2
+    assert "exists and is not overwritten" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["info", "verify", "list", "export"])
 def test_the_help_of_each_command_shows_an_example(command: str) -> None:
     result = CliRunner().invoke(halfangle, ["session", command, "--help"])
     assert result.exit_code == 0

@@ -6,8 +6,9 @@ import cv2
 import pytest
 
 from drivers.simulated.settings import SimulationSettings
-from instrument.board_config import DICTIONARY_SIZES
+from instrument.board_config import DICTIONARY_SIZES, BoardConfig
 from instrument.config import load_protocol, load_rig
+from instrument.config_problems import validate
 from instrument.rig_config import SimulationConfig
 from instrument.validation import InvalidInputError
 
@@ -79,7 +80,18 @@ def test_one_wrong_value_gives_one_problem_with_line_key_and_what_is_allowed(
         (1, "[32.0, 54.0]", "[20.0, 34.0]", "corner_mm", "which overlaps geometry.area_mm; move it outside"),
         (1, "[32.0, 54.0]", "[-40.0, 60.0]", "corner_mm", "which overlaps boards[0]"),
         (3, "[4, 4]", "[4, 1]", "squares", "boards[3].squares[1] is 1; it must be greater than or equal to 2"),
-        (2, '"charuco"', '"checker"', "kind", "boards[2].kind is \"checker\"; allowed: 'charuco'"),
+        (2, '"charuco"', '"checker"', "kind", "boards[2].kind is \"checker\"; allowed: 'charuco' or 'checkerboard'"),
+        (2, '"charuco"', '"checkerboard"', "[[boards]]", "leave out dictionary, first_id, marker_mm, or is its kind"),
+        (2, "first_id = 16", "", "[[boards]]", "a charuco board has markers; add first_id"),
+        (2, "= 4.4", "= 0", "[[boards]]", "marker_mm is 0; it must be greater than 0"),
+        (1, "[32.0, 54.0]", '"measure"', "corner_mm", "the simulated rig needs the place in numbers"),
+        (
+            1,
+            "[32.0, 54.0]",
+            '"guess"',
+            "corner_mm",
+            "it must be a list in [brackets] (corner_mm: x and y of the top left",
+        ),
     ],
 )
 def test_a_wrong_board_is_found_at_its_own_line(
@@ -94,6 +106,19 @@ def test_a_wrong_board_is_found_at_its_own_line(
     (problem,) = problems_of(tmp_path / "rig.toml")
     assert problem.startswith(f"rig.toml:{first + 1 + offset}: ")
     assert expected in problem
+
+
+def test_a_checkerboard_needs_no_markers_and_may_lie_anywhere() -> None:
+    table = {"kind": "checkerboard", "squares": [10, 7], "square_mm": 25.0, "corner_mm": "measure"}
+    board = validate(BoardConfig, table)
+    assert board.corner_mm is board.rectangle is None
+    assert len(board.marker_ids) == 0
+    assert not board.record.is_placed
+    placed = validate(BoardConfig, {**table, "corner_mm": [-125, 87.5]})
+    assert placed.rectangle == (-125, -87.5, 125, 87.5)
+    assert placed.record.corner_mm == (-125, 87.5)
+    # What a session keeps of a rig's boards reads back.
+    assert BoardConfig.model_validate_json(board.model_dump_json(), strict=True) == board
 
 
 def test_every_problem_is_found_at_once_though_tables_are_broken(tmp_path: Path) -> None:

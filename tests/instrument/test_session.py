@@ -110,7 +110,17 @@ def test_files_that_are_no_sessions_are_refused_with_the_reason(tmp_path: Path) 
 
 def test_a_session_of_a_later_format_is_refused(changed: Callable[[Change], Path]) -> None:
     path = changed(lambda file: file["entry"].attrs.modify("halfangle_schema", "2.0"))
-    assert "format 2.0; this halfangle reads 1.0" in refusal(path)
+    assert "format 2.0; this halfangle reads 1.x" in refusal(path)
+
+
+def test_a_session_of_format_1_0_is_read(changed: Callable[[Change], Path]) -> None:
+    def age(file: h5py.File) -> None:
+        file["entry"].attrs.modify("halfangle_schema", "1.0")
+
+    with Session(changed(age)) as session:
+        assert session.area_mm == (60, 40)
+        assert session.frames(0).shape == (2, HEIGHT, WIDTH)
+        assert not session.is_imported
 
 
 @pytest.mark.parametrize("share", [0.02, 0.5, 0.99])

@@ -44,7 +44,7 @@ from protocols.engine import capture
 write, doomed = Recorder._write, getattr(layout, sys.argv[4])
 
 def write_and_die(self, field, value, at=()):
-    if field is doomed and at == 2:
+    if field is doomed and (at[0] if isinstance(at, tuple) and at else at) == 2:
         os.kill(os.getpid(), signal.SIGKILL)
     write(self, field, value, at)
 

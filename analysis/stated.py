@@ -1,0 +1,61 @@
+"""What somebody must have stated of a session before it can be calibrated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument.session import Session
+from instrument.validation import Problem, raise_if_any
+
+
+@dataclass(frozen=True, slots=True)
+class Stated:
+    """Nominal values of a session.
+
+    Attributes
+    ----------
+    area_mm : tuple of float
+        Width and height of the area.
+    light_offset_mm, light_offset_sigma_mm : ndarray, shape (3,)
+        Of the light from the lens in the camera frame, and its standard deviation.
+    """
+
+    area_mm: tuple[float, float]
+    light_offset_mm: NDArray[np.float64]
+    light_offset_sigma_mm: NDArray[np.float64]
+
+
+def stated(session: Session) -> Stated:
+    """Return the nominal values of a session.
+
+    Raises
+    ------
+    InvalidInputError
+        With everything that an import left out and how to state it.
+    """
+    raise_if_any(f"{session.path} cannot be calibrated.", _missing(session))
+    area, offset, sigma = session.area_mm, session.light_offset_mm, session.light_offset_sigma_mm
+    assert area is not None
+    assert offset is not None
+    assert sigma is not None
+    return Stated(area, offset, sigma)
+
+
+def _missing(session: Session) -> Iterator[Problem]:
+    needed = {
+        "area_mm": (session.area_mm, "state [area] width_mm and height_mm"),
+        "light_offset_mm": (session.light_offset_mm, "state [light] offset_mm"),
+        "light_offset_sigma_mm": (session.light_offset_sigma_mm, "state [light] offset_sigma_mm"),
+    }
+    for name, (value, remedy) in needed.items():
+        if value is None:
+            yield Problem(name, f"is not stated; {remedy} in capture.toml and import again")
+    for name in ("conversion_gain", "read_noise"):
+        if not np.isfinite(getattr(session.camera, name)):
+            yield Problem(name, "is not known; state it in [camera] in capture.toml and import again")
+    if session.camera.n_channels > 1 or session.camera.dtype != "u2":
+        yield Problem("images", "only raw counts, monochrome or in a mosaic, can be used")

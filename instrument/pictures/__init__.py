@@ -1,0 +1,1 @@
+"""Pictures from elsewhere: reads them, and writes a session of them."""
