@@ -93,9 +93,11 @@ def gross_shape(
     total, b = start.coefficients, _basis(stack, pixels)
     block = _blocks(stack, pixels)
     sigma = np.full(N_TERMS, np.inf)
+    normals: Array | None = None
     for _ in range(_ROUNDS):
         z = depth + GrossShape(total, sigma).depth(stack)
-        here, ahead, behind = (_residuals(stack, z + h, pixels, dictionary, noise) for h in (0.0, step, -step))
+        here, normals = _residuals(stack, z, pixels, dictionary, noise, normals)
+        ahead, behind = (_residuals(stack, z + h, pixels, dictionary, noise, normals)[0] for h in (step, -step))
         change, sigma = _correction(here, (ahead - behind) / (2.0 * step), b, block)
         total = total + change
         if np.all(np.abs(change) < sigma):
@@ -103,14 +105,17 @@ def gross_shape(
     return GrossShape(np.where(np.abs(total) > SIGNIFICANT * sigma, total, 0.0), sigma)
 
 
-def _residuals(stack: Stack, depth: Array, pixels: NDArray[np.int64], dictionary: Dictionary, noise: Noise) -> Array:
-    """Return residuals over their sigmas of pixels fitted at a depth, shape (N C, P); NaN where not seen."""
+def _residuals(
+    stack: Stack, depth: Array, pixels: NDArray[np.int64], dictionary: Dictionary, noise: Noise, start: Array | None
+) -> tuple[Array, Array]:
+    """Fit pixels at a depth: residuals over their sigmas, shape (N C, P), NaN where not seen; and the normals."""
     samples: Samples = follow_pixels(stack, depth, pixels)
     problem = PixelProblem(stack, dictionary, pixels, depth, samples)
-    model = problem.model(problem.solve(noise))
+    fits = problem.solve(noise, start=start)
+    model = problem.model(fits)
     sigma = np.sqrt(samples.variance + (noise.relative * model) ** 2 + noise.floor**2)
     r = np.where(samples.saturated > 0, np.nan, samples.radiance - model) / sigma
-    return np.moveaxis(r, 1, 2).reshape(-1, len(pixels))
+    return np.moveaxis(r, 1, 2).reshape(-1, len(pixels)), fits.normals
 
 
 def _correction(r: Array, G: Array, b: Array, block: NDArray[np.int64]) -> tuple[Array, Array]:
