@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from analysis.hdr import Radiance, Sensor, clipping_level, merge_bracket
+from analysis.hdr import Radiance, Sensor, merge_bracket
+from analysis.saturation import find_saturation
 from instrument.session import Session
 from instrument.validation import InvalidInputError, Problem
 
@@ -29,9 +32,10 @@ class MergedFrames:
             problem = Problem("/entry/journal/pose_complete", "no pose is complete; go on with `halfangle resume`")
             raise InvalidInputError(f"{session.path} cannot be calibrated.", [problem])
         camera = session.camera
-        longest = int(np.argmax(session.exposure_times))
-        level = clipping_level(session.frame(int(self.i_pose[0]), longest), camera.saturation_value)
-        self.sensor = Sensor(level, camera.conversion_gain, camera.read_noise)
+        nominal = Sensor(camera.saturation_value, camera.conversion_gain, camera.read_noise)
+        frames = session.frames(int(self.i_pose[0]))
+        saturation = find_saturation(frames, camera.saturation_value, camera.black_level, nominal)
+        self.sensor = replace(nominal, saturation_level=saturation.level)
         self.bayer_pattern = camera.bayer_pattern
         self.image_size = (camera.width, camera.height)
         dark = session.dark
