@@ -107,7 +107,7 @@ def merge_bracket(counts: Counts, exposure_times: Array, dark: Array32 | Array, 
     if not np.all(exposure_times > 0.0):
         raise ValueError(f"exposure_times are {exposure_times} s; each must be positive.")
     limit = np.broadcast_to(trusted_level(dark, sensor), cell_shape(counts))
-    rows = np.ascontiguousarray(counts).reshape(*counts.shape[:2], -1)
+    rows: Any = np.ascontiguousarray(counts).reshape(*counts.shape[:2], -1)
     mean, variance, saturated, valid = _merge(
         rows,
         exposure_times.astype(np.float32),
