@@ -105,8 +105,8 @@ def estimate_exposure_ratios(samples: Array, trusted: Array, exposure_times: Arr
         raise ValueError(f"exposure_times are {exposure_times} s; they must ascend, one for each of {len(samples)}.")
     nominal = exposure_times[1:] / exposure_times[:-1]
     pairs = zip(samples[:-1], samples[1:], nominal, strict=True)
-    ratio, sigma, n = zip(*(_ratio(x, y, trusted, r, sensor) for x, y, r in pairs), strict=True)
-    return ExposureRatios(nominal, np.array(ratio), np.array(sigma), np.array(n, np.int64))
+    ratio, sigma, n = np.array([_ratio(x, y, trusted, r, sensor) for x, y, r in pairs]).reshape(-1, 3).T
+    return ExposureRatios(nominal, ratio, sigma, n.astype(np.int64))
 
 
 def combine_ratios(sets: Sequence[ExposureRatios]) -> ExposureRatios:

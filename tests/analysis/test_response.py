@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from analysis.response import Response, gamma_response, srgb_response, table_response
+from analysis.response import gamma_response, srgb_response, table_response
 from instrument.validation import InvalidInputError
 
 
@@ -33,10 +33,10 @@ def test_each_channel_is_looked_up_in_its_own_curve():
 
 
 def test_counts_that_the_curve_does_not_have_are_refused():
-    with pytest.raises(ValueError, match="counts go up to 300; a response curve has 256 levels"):
+    with pytest.raises(ValueError, match="counts go up to 300; the response curve has 256 levels"):
         srgb_response().linearise(np.full((2, 2, 3), 300, np.uint16))
     with pytest.raises(ValueError, match="counts of 1 channels do not fit a curve of 3"):
-        Response(np.ones((3, 256)), np.zeros((3, 256))).linearise(np.zeros((2, 2, 1), np.uint8))
+        table_response(np.ones((3, 256))).linearise(np.zeros((2, 2, 1), np.uint8))
 
 
 def test_all_that_is_wrong_with_a_table_is_said_at_once():
@@ -46,5 +46,15 @@ def test_all_that_is_wrong_with_a_table_is_said_at_once():
         table_response(table)
     assert "negative or missing" in str(caught.value)
     assert "falls from count 6 to 7" in str(caught.value)
-    with pytest.raises(InvalidInputError, match=r"has the shape \(1, 100\)"):
-        table_response(np.linspace(0.0, 1.0, 100))
+    with pytest.raises(InvalidInputError, match=r"has the shape \(2, 256\); allowed are 1 or 3 rows"):
+        table_response(np.ones((2, 256)))
+
+
+def test_its_sensor_has_the_noise_of_a_count_at_mid_range_and_in_the_dark():
+    response = srgb_response()
+    sensor, curve = response.sensor(), response.curve[0]
+    for count in (2, 60, 128, 200):
+        expected = 0.5 * (curve[count + 1] - curve[count - 1])
+        sigma = np.sqrt(curve[count] / sensor.conversion_gain + sensor.read_variance)
+        assert sigma == pytest.approx(expected, rel=0.25)
+    assert np.all(sensor.saturation_level == curve[254])
