@@ -4,7 +4,7 @@ Pixels that are well exposed in two neighbouring exposures, x and y counts above
 
     y = r x + c ,
 
-with the ratio r of the times and the small difference c that errors of the black levels leave. Both have noise,
+with the ratio r of the times and c = b (1 - r), if b counts too few were subtracted as black. Both have noise,
 so that plain regression would make r too small: the normal equations are taken against the pixel's best
 estimate from both exposures, whose noise is independent of that of y - r x. Pixels are chosen by that estimate
 too, since a choice by x or y alone prefers noise of one sign.
@@ -28,7 +28,7 @@ WARN_DEVIATION = 0.01
 
 _LEAST_PIXELS = 100
 _SYSTEMATIC = 0.001  # of a ratio: what the sensor's departure from linearity may feign
-_BLACK_SIGMA = 0.5  # counts
+_BLACK_SIGMA = 2.0  # counts, prior
 _DARKEST = 10.0  # sigmas of read noise, in the shorter exposure
 _BRIGHTEST = 0.9  # of what the longer one can be trusted with
 _TUKEY = 4.685
@@ -47,12 +47,22 @@ class ExposureRatios:
         As the pictures have them; NaN and infinite where no pixels tell.
     n : ndarray of int, shape (n_exposures - 1,)
         How many pixels told.
+    black_error, black_sigma : ndarray, shape (n_exposures - 1,)
+        By how many counts the black level that was subtracted is too low, as each pair of exposures has it.
     """
 
     nominal: Array
     ratio: Array
     sigma: Array
     n: NDArray[np.int64]
+    black_error: Array
+    black_sigma: Array
+
+    @classmethod
+    def of_one_exposure(cls) -> ExposureRatios:
+        """Return the ratios of a single exposure: none."""
+        none = np.zeros(0)
+        return cls(none, none, none, np.zeros(0, np.int64), none, none)
 
     @property
     def deviation(self) -> Array:
@@ -105,8 +115,9 @@ def estimate_exposure_ratios(samples: Array, trusted: Array, exposure_times: Arr
         raise ValueError(f"exposure_times are {exposure_times} s; they must ascend, one for each of {len(samples)}.")
     nominal = exposure_times[1:] / exposure_times[:-1]
     pairs = zip(samples[:-1], samples[1:], nominal, strict=True)
-    ratio, sigma, n = np.array([_ratio(x, y, trusted, r, sensor) for x, y, r in pairs]).reshape(-1, 3).T
-    return ExposureRatios(nominal, ratio, sigma, n.astype(np.int64))
+    found = np.array([_ratio(x, y, trusted, r, sensor) for x, y, r in pairs]).reshape(-1, 5)
+    ratio, sigma, n, black_error, black_sigma = found.T
+    return ExposureRatios(nominal, ratio, sigma, n.astype(np.int64), black_error, black_sigma)
 
 
 def combine_ratios(sets: Sequence[ExposureRatios]) -> ExposureRatios:
@@ -119,33 +130,37 @@ def combine_ratios(sets: Sequence[ExposureRatios]) -> ExposureRatios:
     """
     if not sets:
         raise ValueError("there is no set of frames; ratios come from one at least.")
-    deviation, sigma = (
-        np.stack([getattr(s, name) for s in sets]) for name in ("deviation", "sigma")
-    )  # fmt: skip
-    weight = 1.0 / (sigma / sets[0].nominal) ** 2
+    nominal = sets[0].nominal
+    deviation, spread = _weighted_mean([s.deviation for s in sets], [s.sigma / nominal for s in sets])
+    black_error, black_sigma = _weighted_mean([s.black_error for s in sets], [s.black_sigma for s in sets])
+    n = reduce(np.add, [s.n for s in sets])
+    return ExposureRatios(nominal, nominal * (1.0 + deviation), nominal * spread, n, black_error, black_sigma)
+
+
+def _weighted_mean(values: Sequence[Array], sigmas: Sequence[Array]) -> tuple[Array, Array]:
+    """Return means over the sets and their sigmas, those widened where the values scatter more."""
+    value, weight = np.stack(values), 1.0 / np.stack(sigmas) ** 2
     total = weight.sum(axis=0)
     known = total > 0.0
     divisor = np.where(known, total, 1.0)
-    mean = np.where(known, np.nansum(weight * deviation, axis=0) / divisor, np.nan)
-    chi2 = np.nansum(weight * (deviation - mean) ** 2, axis=0) / max(len(sets) - 1, 1)
-    spread = np.where(known, np.sqrt(np.maximum(chi2, 1.0) / divisor), np.inf)
-    nominal = sets[0].nominal
-    n = reduce(np.add, [s.n for s in sets])
-    return ExposureRatios(nominal, nominal * (1.0 + mean), nominal * spread, n)
+    mean = np.where(known, np.nansum(weight * value, axis=0) / divisor, np.nan)
+    chi2 = np.nansum(weight * (value - mean) ** 2, axis=0) / max(len(values) - 1, 1)
+    return mean, np.where(known, np.sqrt(np.maximum(chi2, 1.0) / divisor), np.inf)
 
 
-def _ratio(x: Array, y: Array, trusted: Array, nominal: float, sensor: Sensor) -> tuple[float, float, int]:
-    """Return ratio, sigma and the number of pixels of two exposures."""
-    r, c, sigma, n = float(nominal), 0.0, np.inf, 0
+def _ratio(x: Array, y: Array, trusted: Array, nominal: float, sensor: Sensor) -> tuple[float, ...]:
+    """Return ratio, its sigma, the number of pixels, the black level's error and its sigma of two exposures."""
+    r, c, covariance, n = float(nominal), 0.0, np.full((2, 2), np.inf), 0
     for _ in range(_ROUNDS):
         best, var_x, var_y = _best_estimate(x, y - c, r, sensor)
         use = (best > _DARKEST * np.sqrt(sensor.read_variance)) & (r * best < _BRIGHTEST * trusted)
         n = int(np.count_nonzero(use))
         if n < _LEAST_PIXELS:
-            return np.nan, np.inf, n
+            return np.nan, np.inf, n, np.nan, np.inf
         variance = (var_y + r * r * var_x)[use]
-        r, c, sigma = _instrumental_fit(x[use], y[use], best[use], variance, r, c)
-    return r, sigma, n
+        r, c, covariance = _instrumental_fit(x[use], y[use], best[use], variance, r, c)
+    ratio_sigma, shift_sigma = np.sqrt(np.diag(covariance))
+    return r, ratio_sigma, n, c / (1.0 - r), shift_sigma / abs(1.0 - r)
 
 
 def _best_estimate(x: Array, y: Array, r: float, sensor: Sensor) -> tuple[Array, Array, Array]:
@@ -158,13 +173,16 @@ def _best_estimate(x: Array, y: Array, r: float, sensor: Sensor) -> tuple[Array,
 
 def _instrumental_fit(
     x: Array, y: Array, best: Array, variance: Array, r: float, c: float
-) -> tuple[float, float, float]:
-    """Take one step of y = r x + c against `best`, with Huber's weights [huber1964]; return r, c and the sigma of r."""
+) -> tuple[float, float, Array]:
+    """Take one step of y = r x + c against `best`, with Tukey's weights: what moved has none.
+
+    Return r, c and their covariance.
+    """
     z = np.abs(y - r * x - c) / np.sqrt(variance)
     scale = max(1.4826 * float(np.median(z)), 1.0)
     weight = np.maximum(1.0 - (z / (_TUKEY * scale)) ** 2, 0.0) ** 2 / variance
     Z, X = np.stack([best, np.ones_like(best)]), np.stack([x, np.ones_like(x)])
     M = (Z * weight) @ X.T
-    M[1, 1] += 1.0 / (_BLACK_SIGMA * (1.0 + r)) ** 2
+    M[1, 1] += 1.0 / (_BLACK_SIGMA * abs(1.0 - r)) ** 2
     r, c = np.linalg.solve(M, Z @ (weight * y))
-    return float(r), float(c), scale * float(np.sqrt(np.linalg.inv(M)[0, 0]))
+    return float(r), float(c), np.asarray(scale**2 * np.linalg.inv(M), np.float64)

@@ -166,8 +166,7 @@ def _ratios(brackets: Sequence[FrameSamples], sensor: Sensor) -> ExposureRatios:
     sets = [
         estimate_exposure_ratios(b.counts, b.trusted, b.exposure_times, sensor) for b in brackets if _ascends(b)
     ]  # fmt: skip
-    nothing = np.zeros(0)
-    return combine_ratios(sets) if sets else ExposureRatios(nothing, nothing, nothing, np.zeros(0, np.int64))
+    return combine_ratios(sets) if sets else ExposureRatios.of_one_exposure()
 
 
 def _ascends(bracket: FrameSamples) -> bool:

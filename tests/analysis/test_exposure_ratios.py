@@ -57,9 +57,12 @@ def test_few_dark_pixels_do_not_bias_the_ratio():
     assert out.sigma[0] < 0.05
 
 
-def test_a_wrong_black_level_feigns_no_wrong_times():
-    out = estimate(samples(NOMINAL, black_error=4.0))
+@pytest.mark.parametrize("black_error", [4.0, 0.0, -4.0])
+def test_a_wrong_black_level_is_found_and_feigns_no_wrong_times(black_error: float):
+    out = estimate(samples(NOMINAL, black_error=black_error))
     assert np.abs(out.deviation).max() < 0.005
+    np.testing.assert_allclose(out.black_error, black_error, atol=0.5)
+    assert (np.abs(out.black_error - black_error) < 4.0 * out.black_sigma).all()
 
 
 def test_what_moved_between_two_exposures_is_no_ratio():
@@ -86,7 +89,8 @@ def test_exposures_without_common_pixels_have_no_ratio():
 
 def test_several_sets_are_weighted_by_their_sigmas_and_scatter_widens_them():
     def one(ratio: float, sigma: float) -> ExposureRatios:
-        return ExposureRatios(np.array([2.0]), np.array([ratio]), np.array([sigma]), np.array([500]))
+        nominal, black = np.array([2.0]), (np.array([0.0]), np.array([0.1]))
+        return ExposureRatios(nominal, np.array([ratio]), np.array([sigma]), np.array([500]), *black)
 
     together = combine_ratios([one(2.01, 0.01), one(2.03, 0.02), one(np.nan, np.inf)])
     assert together.ratio[0] == pytest.approx((2.01 * 4 + 2.03) / 5)

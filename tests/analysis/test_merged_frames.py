@@ -96,6 +96,15 @@ def test_without_darks_the_stated_level_of_each_place_is_used():
     assert abs(bias(frames.merge(1))) < 2e-3
 
 
+def test_a_black_level_that_is_four_counts_off_shows_in_the_exposures():
+    session = FakeSession(poses())
+    session.black_level_cell = BLACK + 4.0
+    ratios = MergedFrames(session).findings.ratios
+    np.testing.assert_allclose(ratios.black_error, -4.0, atol=1.0)
+    session.black_level_cell = BLACK
+    assert (np.abs(MergedFrames(session).findings.ratios.black_error) < 0.5).all()
+
+
 def test_pixels_that_clip_below_the_stated_level_are_no_values():
     frames = MergedFrames(FakeSession(poses(), dark=darks()))
     np.testing.assert_array_equal(frames.findings.saturation.level, np.full((2, 2), CLIPS_AT))
