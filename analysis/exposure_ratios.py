@@ -28,7 +28,7 @@ WARN_DEVIATION = 0.01
 
 _LEAST_PIXELS = 100
 _SYSTEMATIC = 0.001  # of a ratio: what the sensor's departure from linearity may feign
-_BLACK_SIGMA = 2.0  # counts, prior
+_BLACK_SIGMA = 2.0  # counts, prior; of sigmas of a dark pixel where there are no counts
 _DARKEST = 10.0  # sigmas of read noise, in the shorter exposure
 _BRIGHTEST = 0.9  # of what the longer one can be trusted with
 _TUKEY = 4.685
@@ -151,6 +151,7 @@ def _weighted_mean(values: Sequence[Array], sigmas: Sequence[Array]) -> tuple[Ar
 def _ratio(x: Array, y: Array, trusted: Array, nominal: float, sensor: Sensor) -> tuple[float, ...]:
     """Return ratio, its sigma, the number of pixels, the black level's error and its sigma of two exposures."""
     r, c, covariance, n = float(nominal), 0.0, np.full((2, 2), np.inf), 0
+    black_sigma = _BLACK_SIGMA * (sensor.step or np.sqrt(sensor.read_variance) or 1e-6)
     for _ in range(_ROUNDS):
         best, var_x, var_y = _best_estimate(x, y - c, r, sensor)
         use = (best > _DARKEST * np.sqrt(sensor.read_variance)) & (r * best < _BRIGHTEST * trusted)
@@ -158,7 +159,7 @@ def _ratio(x: Array, y: Array, trusted: Array, nominal: float, sensor: Sensor) -
         if n < _LEAST_PIXELS:
             return np.nan, np.inf, n, np.nan, np.inf
         variance = (var_y + r * r * var_x)[use]
-        r, c, covariance = _instrumental_fit(x[use], y[use], best[use], variance, r, c)
+        r, c, covariance = _instrumental_fit(x[use], y[use], best[use], variance, r, c, black_sigma)
     ratio_sigma, shift_sigma = np.sqrt(np.diag(covariance))
     return r, ratio_sigma, n, c / (1.0 - r), shift_sigma / abs(1.0 - r)
 
@@ -172,7 +173,7 @@ def _best_estimate(x: Array, y: Array, r: float, sensor: Sensor) -> tuple[Array,
 
 
 def _instrumental_fit(
-    x: Array, y: Array, best: Array, variance: Array, r: float, c: float
+    x: Array, y: Array, best: Array, variance: Array, r: float, c: float, black_sigma: float
 ) -> tuple[float, float, Array]:
     """Take one step of y = r x + c against `best`, with Tukey's weights: what moved has none.
 
@@ -183,6 +184,6 @@ def _instrumental_fit(
     weight = np.maximum(1.0 - (z / (_TUKEY * scale)) ** 2, 0.0) ** 2 / variance
     Z, X = np.stack([best, np.ones_like(best)]), np.stack([x, np.ones_like(x)])
     M = (Z * weight) @ X.T
-    M[1, 1] += 1.0 / (_BLACK_SIGMA * abs(1.0 - r)) ** 2
+    M[1, 1] += 1.0 / (black_sigma * abs(1.0 - r)) ** 2
     r, c = np.linalg.solve(M, Z @ (weight * y))
     return float(r), float(c), np.asarray(scale**2 * np.linalg.inv(M), np.float64)

@@ -69,7 +69,8 @@ class Radiometry:
     response : Response or None
         What makes counts linear; None if they are.
     time_factors : ndarray, shape (n_exposures,)
-        What to multiply the reported exposure times by.
+        What to multiply the reported exposure times by; 1 where a response curve stands between counts and light,
+        whose errors would pass for errors of the times.
     findings : RadiometryFindings
     """
 
@@ -89,5 +90,12 @@ class Radiometry:
 
 
 def linear_counts(frames: NDArray[Any], response: Response | None) -> Counts:
-    """Return frames as linear counts."""
-    return frames if response is None else response.linearise(frames)
+    """Return frames as linear counts; with a response, what is clipped in one channel is clipped in all.
+
+    The camera mixed the channels after the sensor had clipped, so that one that clips takes the others with it.
+    """
+    if response is None:
+        return frames
+    linear = response.linearise(frames)
+    linear[(frames > response.highest).any(axis=-1)] = np.float32(response.curve.max())
+    return linear

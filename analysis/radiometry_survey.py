@@ -93,7 +93,9 @@ def survey(session: Pictures) -> Radiometry:
         response_slope=slope,
         response_predictions=predictions,
     )
-    return Radiometry(sensor, black, response, _time_factors(ratios, session.exposure_times), findings)
+    n_exposures = len(session.exposure_times)
+    factors = np.ones(n_exposures) if response is not None else _time_factors(ratios, session.exposure_times)
+    return Radiometry(sensor, black, response, factors, findings)
 
 
 def _response(session: Pictures) -> tuple[Response | None, float, tuple[PicturePrediction, ...]]:

@@ -170,6 +170,15 @@ def test_eight_bit_pictures_are_made_linear_by_a_bracket_beside_them():
     assert np.percentile(np.abs(np.log(ratio)), 95) < 0.03
 
 
+def test_a_channel_that_clips_takes_the_others_with_it():
+    pictures = np.full((3, HEIGHT, WIDTH, 3), 100, np.uint16)
+    pictures[2, :, :, 0] = 255
+    session = FakeSession(pictures[None], camera=camera(bayer_pattern="", bit_depth=8, saturation_value=255.0))
+    session.response = srgb_encoded_table()
+    merged = MergedFrames(session).merge(0)
+    assert (merged.valid == 2).all()
+
+
 def srgb_encoded_table() -> np.ndarray:
     x = np.linspace(0.0, 1.0, 100_001)
     return np.interp(np.arange(256), 255.0 * srgb_encoded(x), x)[None]
