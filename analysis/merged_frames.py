@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
+from typing import Any
 
-from analysis.hdr import Radiance, Sensor, clipping_level, merge_bracket
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.flat_field import FlatField, fit_flat_card, fit_flat_field, square_view
+from analysis.flat_samples import PlanePicture
+from analysis.hdr import Radiance, merge_bracket
+from analysis.radiometry import Radiometry, RadiometryFindings
+from analysis.radiometry_survey import beside, survey
 from instrument.session import Session
 from instrument.validation import InvalidInputError, Problem
+
+Array = NDArray[np.float64]
 
 
 class MergedFrames:
@@ -16,10 +26,21 @@ class MergedFrames:
     ----------
     session : Session
 
+    Attributes
+    ----------
+    session : Session
+    i_pose : ndarray of int
+        The complete poses.
+    image_size : (int, int)
+        Width, height.
+    bayer_pattern : str
+    radiometry : Radiometry
+        Black, clipping, exposure times and noise as the pictures have them.
+
     Raises
     ------
     InvalidInputError
-        If no pose is complete.
+        If no pose is complete, or the response curve cannot be used.
     """
 
     def __init__(self, session: Session) -> None:
@@ -28,18 +49,91 @@ class MergedFrames:
         if len(self.i_pose) == 0:
             problem = Problem("/entry/journal/pose_complete", "no pose is complete; go on with `halfangle resume`")
             raise InvalidInputError(f"{session.path} cannot be calibrated.", [problem])
-        camera = session.camera
-        longest = int(np.argmax(session.exposure_times))
-        level = clipping_level(session.frame(int(self.i_pose[0]), longest), camera.saturation_value)
-        self.sensor = Sensor(level, camera.conversion_gain, camera.read_noise)
-        self.bayer_pattern = camera.bayer_pattern
-        self.image_size = (camera.width, camera.height)
-        dark = session.dark
-        shape = (len(session.exposure_times), camera.height, camera.width)
-        self._dark = np.full(shape, camera.black_level, np.float32) if dark is None else dark
+        self.bayer_pattern = session.camera.bayer_pattern
+        self.image_size = (session.camera.width, session.camera.height)
+        self.radiometry: Radiometry = survey(session)
+
+    @property
+    def findings(self) -> RadiometryFindings:
+        """What the survey of the pictures found, for a report."""
+        return self.radiometry.findings
 
     def merge(self, i_pose: int) -> Radiance:
-        """Merge the bracket of one pose; frames that are not valid are left out."""
+        """Merge the bracket of one pose, less its ambient light; frames that are not valid are left out."""
         keep = self.session.frame_ok[i_pose]
-        times = self.session.exposure_readback[i_pose]
-        return merge_bracket(self.session.frames(i_pose)[keep], times[keep], self._dark[keep], self.sensor)
+        times = (self.session.exposure_readback[i_pose] * self.radiometry.time_factors)[keep]
+        merged = merge_linear(self.session.frames(i_pose)[keep], times, self.radiometry, keep)
+        ambient = beside(self.session, "ambient", _none)(i_pose)
+        if ambient is None:
+            return merged
+        time = float(beside(self.session, "ambient_times")[i_pose])
+        return less_ambient(merged, self._single(ambient, time))
+
+    def flat_field(self, focal_length_px: float, light_offset: Array) -> FlatField | None:
+        """Return the flat field from the session's pictures of a card, None if there are none.
+
+        The cards are taken to be square to the camera, at the stated distances: several of them tell vignetting and
+        lobe apart, one gives their product.
+
+        Parameters
+        ----------
+        focal_length_px : float
+        light_offset : ndarray, shape (3,)
+            Camera frame, mm.
+
+        Raises
+        ------
+        InvalidInputError
+            If the cards cannot be used, with the reasons.
+        """
+        times = np.asarray(beside(self.session, "flat_times", ()), np.float64)
+        if len(times) == 0:
+            return None
+        distances = np.asarray(beside(self.session, "flat_distances_mm"), np.float64)
+        if not np.isfinite(distances).all():
+            what = f"{int(np.sum(~np.isfinite(distances)))} of {len(distances)} have no distance; state it in mm"
+            raise InvalidInputError("The flat field cannot be found.", [Problem("flats", what)])
+        cards = [self._card(i, t, d, focal_length_px) for i, (t, d) in enumerate(zip(times, distances, strict=True))]
+        one_distance = np.ptp(distances) == 0.0
+        return fit_flat_card(cards[0], light_offset) if one_distance else fit_flat_field(cards, light_offset)
+
+    def _card(self, i: int, time: float, distance_mm: float, focal_length_px: float) -> PlanePicture:
+        picture = self._single(beside(self.session, "flat_images")(i), float(time))
+        return PlanePicture(f"flats/{i}", picture, square_view(focal_length_px, self.image_size, float(distance_mm)))
+
+    def _single(self, frame: NDArray[Any], exposure_time: float) -> Radiance:
+        """Return one frame as radiance; where darks differ by exposure, the one of the nearest time is subtracted."""
+        nearest = np.argmin(np.abs(np.log(self.session.exposure_times / exposure_time)))
+        keep = np.arange(len(self.session.exposure_times)) == nearest
+        return merge_linear(frame[None], np.array([exposure_time]), self.radiometry, keep)
+
+
+def merge_linear(
+    frames: NDArray[Any], exposure_times: Array, radiometry: Radiometry, keep: NDArray[np.bool_]
+) -> Radiance:
+    """Merge frames as `radiometry` says.
+
+    Parameters
+    ----------
+    frames : ndarray, shape (n_kept, height, width) or (n_kept, height, width, 3)
+        Counts.
+    exposure_times : ndarray, shape (n_kept,)
+        Seconds.
+    radiometry : Radiometry
+    keep : ndarray of bool, shape (n_exposures,)
+        Which exposures of the session these are, for their darks.
+    """
+    return merge_bracket(radiometry.linear(frames), exposure_times, radiometry.dark_of(keep), radiometry.sensor)
+
+
+def less_ambient(merged: Radiance, ambient: Radiance) -> Radiance:
+    """Return a picture without the light that is there when the lamp is off.
+
+    Where the ambient picture is clipped, what it hides is not known: no number.
+    """
+    mean = np.where(ambient.saturated, np.float32(np.nan), merged.mean - ambient.mean)
+    return replace(merged, mean=mean.astype(np.float32), variance=merged.variance + ambient.variance)
+
+
+def _none(_: int) -> None:
+    """Return nothing: there is no ambient picture."""

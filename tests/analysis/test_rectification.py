@@ -48,6 +48,19 @@ def on_grid(picture: np.ndarray, pattern: str = "", view: View = VIEW, grid: Gri
     )
 
 
+def reference(picture: np.ndarray, colour: np.ndarray, x: float, y: float, along: np.ndarray) -> tuple[float, float]:
+    """Fit the quadratic of one colour at one place by `lstsq`; value, and variance for noise of 1."""
+    S = along @ along.T / 12.0 + 1.1**2 * np.eye(2)
+    d = np.stack([X - x, Y - y], axis=-1)
+    reach = 2.8 * np.sqrt(np.diag(S))
+    use = colour & np.all(np.abs(d) <= reach, axis=-1)
+    dx, dy = d[use].T
+    root = np.exp(-0.25 * np.einsum("ni,ij,nj->n", d[use], np.linalg.inv(S), d[use]))
+    A = np.stack([np.ones_like(dx), dx, dy, dx * dx, dx * dy, dy * dy], axis=-1)
+    weights = np.linalg.pinv(root[:, None] * A)[0] * root
+    return float(weights @ picture[use]), float(weights @ weights)
+
+
 def wave(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return 2.0 + np.sin(0.5 * x + 0.3) * np.cos(0.4 * y)
 
@@ -167,3 +180,99 @@ def test_a_clipped_pixel_marks_the_grid_pixels_that_it_weighs_in():
     marked = on_grid(np.ones((HEIGHT, WIDTH)), saturated=saturated).saturated[..., 0]
     assert marked[i, j] == 1
     assert 1 <= marked.sum() <= 25
+
+
+@pytest.mark.parametrize("pitch", [0.3, 0.6, 2.0])
+def test_every_pixel_is_the_weighted_least_squares_fit_of_its_colour(pitch: float):
+    """The footprint's axes come from finite differences of the projection here, distortion and all."""
+    picture = np.random.default_rng(0).random((HEIGHT, WIDTH)).astype(np.float32)
+    view = tilted_view(distortion=np.zeros(5))
+    grid = Grid(9, 11, pitch)
+    out = on_grid(picture, "GRBG", view, grid)
+    cell = channel_of_cell("GRBG")[Y.astype(int) % 2, X.astype(int) % 2]
+    half = 1e-3 * pitch
+    for i, j in [(0, 0), (4, 5), (8, 2), (3, 10)]:
+        point = grid.points()[i, j]
+        steps = [view.project(point + half * e) - view.project(point - half * e) for e in np.eye(3)[:2]]
+        along = np.stack(steps, axis=1) / (2.0 * half) * pitch
+        for channel in range(3):
+            value, variance = reference(picture, cell == channel, *out.pixels[i, j], along)
+            assert out.radiance[i, j, channel] == pytest.approx(value, rel=1e-5)
+            assert out.variance[i, j, channel] == pytest.approx(variance, rel=1e-5)
+
+
+@pytest.mark.parametrize("pattern", ["", "RGGB"])
+def test_a_quadratic_is_reproduced_exactly(pattern: str):
+    def quadratic(x, y):
+        return 5.0 + 0.02 * x - 0.01 * y + 1e-4 * x * x - 2e-4 * x * y + 3e-4 * y * y
+
+    out = on_grid(quadratic(X, Y), pattern)
+    truth = quadratic(*np.moveaxis(out.pixels, -1, 0))
+    np.testing.assert_allclose(out.radiance, np.broadcast_to(truth[..., None], out.radiance.shape), rtol=1e-6)
+
+
+@pytest.mark.parametrize("rows", [1, 7, 30])
+def test_blocks_of_rows_give_the_same_bits_as_the_whole(rows: int):
+    picture = np.random.default_rng(1).random((HEIGHT, WIDTH)).astype(np.float32)
+    whole, points = on_grid(picture, "RGGB"), GRID.points()
+    nothing, ones = np.zeros(picture.shape, np.bool_), np.ones_like(picture)
+    blocks = [
+        rectify(picture, ones, nothing, "RGGB", VIEW, points[i : i + rows], GRID.pitch) for i in range(0, 30, rows)
+    ]
+    for name in ("radiance", "variance", "saturated", "pixels"):
+        np.testing.assert_array_equal(np.concatenate([getattr(b, name) for b in blocks]), getattr(whole, name))
+
+
+def test_a_picture_with_channels_is_each_channel_on_its_own():
+    picture = np.random.default_rng(2).random((HEIGHT, WIDTH, 3)).astype(np.float32)
+    saturated = np.zeros(picture.shape, np.bool_)
+    saturated[120, 160, 1] = True
+    together = on_grid(picture, variance=picture, saturated=saturated)
+    for k in range(3):
+        alone = on_grid(picture[..., k], variance=picture[..., k], saturated=saturated[..., k])
+        np.testing.assert_array_equal(together.radiance[..., k], alone.radiance[..., 0])
+        np.testing.assert_array_equal(together.variance[..., k], alone.variance[..., 0])
+        np.testing.assert_array_equal(together.saturated[..., k], alone.saturated[..., 0])
+    assert together.saturated.any()
+
+
+def test_a_picture_with_channels_and_a_pattern_is_refused():
+    with pytest.raises(ValueError, match="has all channels at every pixel; its pattern is ''"):
+        on_grid(np.ones((HEIGHT, WIDTH, 3)), "RGGB")
+
+
+@pytest.mark.parametrize("tilt", [0.0, 20.0, 45.0, 60.0])
+@pytest.mark.parametrize("azimuth", [0.0, 130.0, 250.0])
+def test_a_checker_seen_from_any_pose_registers_within_a_tenth_of_a_pixel(tilt: float, azimuth: float):
+    view = tilted_view(tilt, azimuth)
+    x, y = plane_points_under_pixels(view)
+    edge = 0.6  # mm, of the printed checker's soft edges, so that the picture is sampled finely enough
+    checker = 2.0 + np.tanh(np.sin(0.6 * x) * np.sin(0.6 * y) / 0.6 / edge)
+    out = on_grid(checker, "RGGB", view)
+    gx, gy, _ = np.moveaxis(GRID.points(), -1, 0)
+
+    def truth(dx: float, dy: float) -> np.ndarray:
+        return 2.0 + np.tanh(np.sin(0.6 * (gx - dx)) * np.sin(0.6 * (gy - dy)) / 0.6 / edge)
+
+    step = 1e-3
+    slopes = [(truth(step, 0) - truth(-step, 0)) / (2 * step), (truth(0, step) - truth(0, -step)) / (2 * step)]
+    for channel in np.moveaxis(out.radiance, -1, 0):
+        seen = np.isfinite(channel)
+        A = np.stack([np.ones_like(gx), truth(0, 0), *slopes], axis=-1)[seen]
+        shift = np.linalg.lstsq(A, channel[seen].astype(np.float64), rcond=None)[0][2:]
+        moved = view.project(np.array([*shift, 0.0])) - view.project(np.zeros(3))
+        assert np.hypot(*moved) < 0.1
+
+
+def test_points_that_the_surface_hides_are_missing():
+    hidden = np.zeros((30, 40), np.bool_)
+    hidden[3, 5] = True
+    picture, nothing = np.ones((HEIGHT, WIDTH), np.float32), np.zeros((HEIGHT, WIDTH), np.bool_)
+    out = rectify(picture, picture, nothing, "", VIEW, GRID.points(), GRID.pitch, hidden)
+    np.testing.assert_array_equal(np.isnan(out.radiance[..., 0]), hidden)
+    np.testing.assert_array_equal(np.isnan(out.variance[..., 0]), hidden)
+
+
+def test_a_point_behind_the_lens_falls_nowhere():
+    centre = -VIEW.rotation.T @ VIEW.translation
+    assert np.isnan(VIEW.project(2.0 * centre)).all()
