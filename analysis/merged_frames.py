@@ -12,7 +12,7 @@ from analysis.flat_field import FlatField, fit_flat_card, fit_flat_field, square
 from analysis.flat_samples import PlanePicture
 from analysis.hdr import Radiance, merge_bracket
 from analysis.radiometry import Radiometry, RadiometryFindings
-from analysis.radiometry_survey import beside, survey
+from analysis.radiometry_survey import survey
 from instrument.session import Session
 from instrument.validation import InvalidInputError, Problem
 
@@ -63,10 +63,10 @@ class MergedFrames:
         keep = self.session.frame_ok[i_pose]
         times = (self.session.exposure_readback[i_pose] * self.radiometry.time_factors)[keep]
         merged = merge_linear(self.session.frames(i_pose)[keep], times, self.radiometry, keep)
-        ambient = beside(self.session, "ambient", _none)(i_pose)
+        ambient = self.session.ambient(i_pose)
         if ambient is None:
             return merged
-        time = float(beside(self.session, "ambient_times")[i_pose])
+        time = float(self.session.ambient_times[i_pose])
         return less_ambient(merged, self._single(ambient, time))
 
     def flat_field(self, focal_length_px: float, light_offset: Array) -> FlatField | None:
@@ -86,10 +86,10 @@ class MergedFrames:
         InvalidInputError
             If the cards cannot be used, with the reasons.
         """
-        times = np.asarray(beside(self.session, "flat_times", ()), np.float64)
+        times = self.session.flat_times
         if len(times) == 0:
             return None
-        distances = np.asarray(beside(self.session, "flat_distances_mm"), np.float64)
+        distances = self.session.flat_distances_mm
         if not np.isfinite(distances).all():
             what = f"{int(np.sum(~np.isfinite(distances)))} of {len(distances)} have no distance; state it in mm"
             raise InvalidInputError("The flat field cannot be found.", [Problem("flats", what)])
@@ -98,7 +98,7 @@ class MergedFrames:
         return fit_flat_card(cards[0], light_offset) if one_distance else fit_flat_field(cards, light_offset)
 
     def _card(self, i: int, time: float, distance_mm: float, focal_length_px: float) -> PlanePicture:
-        picture = self._single(beside(self.session, "flat_images")(i), float(time))
+        picture = self._single(self.session.flat_images(i), float(time))
         return PlanePicture(f"flats/{i}", picture, square_view(focal_length_px, self.image_size, float(distance_mm)))
 
     def _single(self, frame: NDArray[Any], exposure_time: float) -> Radiance:
@@ -133,7 +133,3 @@ def less_ambient(merged: Radiance, ambient: Radiance) -> Radiance:
     """
     mean = np.where(ambient.saturated, np.float32(np.nan), merged.mean - ambient.mean)
     return replace(merged, mean=mean.astype(np.float32), variance=merged.variance + ambient.variance)
-
-
-def _none(_: int) -> None:
-    """Return nothing: there is no ambient picture."""

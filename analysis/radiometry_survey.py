@@ -28,7 +28,7 @@ N_POSES = 6
 
 
 class Pictures(Protocol):
-    """What is read of any session; one that was imported may have more (`beside`)."""
+    """What is read of a session."""
 
     @property
     def camera(self) -> CameraRecord: ...  # noqa: D102
@@ -42,12 +42,14 @@ class Pictures(Protocol):
     def pose_complete(self) -> NDArray[np.bool_]: ...  # noqa: D102
     @property
     def dark(self) -> NDArray[np.float32] | None: ...  # noqa: D102
+    @property
+    def response(self) -> NDArray[np.float32] | None: ...  # noqa: D102
+    @property
+    def response_times(self) -> Array: ...  # noqa: D102
+    @property
+    def black_level_cell(self) -> Array | None: ...  # noqa: D102
     def frames(self, i_pose: int) -> NDArray[np.uint16]: ...  # noqa: D102
-
-
-def beside(session: Pictures, name: str, default: Any = None) -> Any:
-    """Return what only some sessions have, such as a response curve, or `default`."""
-    return getattr(session, name, default)
+    def response_images(self, i: int) -> NDArray[np.uint16]: ...  # noqa: D102
 
 
 def survey(session: Pictures) -> Radiometry:
@@ -100,18 +102,18 @@ def survey(session: Pictures) -> Radiometry:
 
 def _response(session: Pictures) -> tuple[Response | None, float, tuple[PicturePrediction, ...]]:
     """Return the curve that a session has, or the one that its bracket gives with what that says of itself."""
-    given, times = beside(session, "response"), np.asarray(beside(session, "response_times", ()), np.float64)
+    given, times = session.response, session.response_times
     if given is not None:
         return table_response(np.asarray(given, np.float64)), np.nan, ()
     if len(times) == 0:
         return None, np.nan, ()
-    pictures = np.stack([beside(session, "response_images")(i) for i in range(len(times))])
+    pictures = np.stack([session.response_images(i) for i in range(len(times))])
     if pictures.max() > np.iinfo(np.uint8).max:
         problem = Problem("response pictures", f"have counts up to {pictures.max()}; a curve is found for 8-bit ones")
         raise InvalidInputError("The response curve cannot be found.", [problem])
-    pictures = pictures.astype(np.uint8)
-    fit = fit_response(pictures, times)
-    return fit.response, fit.slope, predict_each(pictures, times, fit.smoothness)
+    eight_bit = pictures.astype(np.uint8)
+    fit = fit_response(eight_bit, times)
+    return fit.response, fit.slope, predict_each(eight_bit, times, fit.smoothness)
 
 
 def _nominal_black(session: Pictures, response: Response | None) -> Array:
@@ -119,7 +121,7 @@ def _nominal_black(session: Pictures, response: Response | None) -> Array:
     shape = cell_shape(session.frames(int(np.flatnonzero(session.pose_complete)[0])))
     if response is not None:
         return np.zeros(shape)
-    cell = beside(session, "black_level_cell")
+    cell = session.black_level_cell
     return np.full(shape, session.camera.black_level) if cell is None else np.asarray(cell, np.float64)
 
 

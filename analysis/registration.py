@@ -9,10 +9,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.camera_calibration import CameraCalibration
 from analysis.error_budget import ErrorBudget, budget_of
 from analysis.merged_frames import MergedFrames
-from analysis.rectification import Grid, Rectified, View, rectify
-from analysis.session_calibration import Calibration, calibrate_session, footprint_mm, stack_geometry
+from analysis.rectification import Grid, rectify
+from analysis.session_calibration import (
+    Calibration,
+    Lighting,
+    calibrate_session,
+    evened,
+    footprint_mm,
+    stack_geometry,
+    views_of,
+)
 from analysis.stack_file import StackWriter, read_stack
 from analysis.stages import Stages
 from analysis.stated import stated
@@ -37,51 +46,54 @@ def register(
     path : Path
         Of the stack; there must be no such file.
     pitch : float or None
-        Size of a pixel of the stack, mm; None = as fine as the pictures.
+        Size of a pixel of the stack, mm; None = as stated with the capture, or as fine as the pictures.
     stages : Stages or None
+
+    Returns
+    -------
+    calibration : Calibration
+        With camera and lighting.
+    budget : ErrorBudget
 
     Raises
     ------
     InvalidInputError
-        If there are too few poses, or too few that show the boards.
+        If something needed is not stated, or too few poses show the boards.
     FileExistsError
         If there is a file already.
     """
     stages = stages or Stages()
     nominal = stated(session)
     frames = MergedFrames(session)
-    calibration = calibrate_session(session, nominal, frames, stages)
+    calibration = calibrate_session(session, frames, stages)
+    assert calibration.camera is not None, "an area without boards is refused by `stated`"
+    assert calibration.lighting is not None
     with stages.measure("registration"):
-        grid = Grid.covering(
-            nominal.area_mm,
-            pitch or session.pixel_pitch_mm or round(GRID_PER_PIXEL * footprint_mm(calibration.camera), 3),
-        )
-        write_registered(frames, calibration, grid, path, {"session_digest": session.digest()})
+        as_fine_as_seen = round(GRID_PER_PIXEL * footprint_mm(calibration.camera), 3)
+        grid = Grid.covering(nominal.area_mm, pitch or session.pixel_pitch_mm or as_fine_as_seen)
+        notes = {"calibration": json.dumps(calibration.as_dict()), "session_digest": session.digest()}
+        _write_registered(frames, calibration, calibration.camera, calibration.lighting, grid, path, notes)
     with stages.measure("error budget"):
         budget = budget_of(read_stack(path))
     return calibration, budget
 
 
-def write_registered(
-    frames: MergedFrames, calibration: Calibration, grid: Grid, path: Path, notes: dict[str, str]
+def _write_registered(
+    frames: MergedFrames,
+    calibration: Calibration,
+    camera: CameraCalibration,
+    lighting: Lighting,
+    grid: Grid,
+    path: Path,
+    notes: dict[str, str],
 ) -> None:
-    """Write the stack of a calibrated session."""
-    views, light = calibration.views, calibration.light_offset
-    n_channels = len(calibration.white_level)
-    stack = stack_geometry(calibration.photometry, light, calibration.camera, grid, n_channels)
-    stack = replace(stack, notes={"calibration": json.dumps(calibration.as_dict()), **notes})
+    stack = stack_geometry(lighting.photometry, lighting.light_offset, camera, grid, len(lighting.white_level))
     points = grid.points()
-    with StackWriter(path, stack) as writer:
-        for v, (i_pose, view) in enumerate(zip(calibration.i_pose, views, strict=True)):
-            seen = registered_view(frames, int(i_pose), view, calibration, points, grid.pitch)
+    with StackWriter(path, replace(stack, notes=notes)) as writer:
+        for v, (i_pose, view) in enumerate(zip(calibration.i_pose, views_of(camera), strict=True)):
+            merged = frames.merge(int(i_pose))
+            picture = (merged.mean, merged.variance, merged.saturated, frames.bayer_pattern, view)
+            seen = evened(rectify(*picture, points, grid.pitch), calibration.flat, view, points)
+            falloff = lighting.photometry.falloff(view, lighting.light_offset.value, points, seen.pixels)
+            seen = seen.scaled(1.0 / (falloff[..., None] * lighting.white_level))
             writer.write_view(v, seen.radiance, seen.variance, seen.saturated)
-
-
-def registered_view(
-    frames: MergedFrames, i_pose: int, view: View, calibration: Calibration, points: Array, pitch: float
-) -> Rectified:
-    """Resample one pose onto `points` (H, W, 3) and free it of vignetting, lobe and the colour of white."""
-    merged = frames.merge(i_pose)
-    seen = rectify(merged.mean, merged.variance, merged.saturated, frames.bayer_pattern, view, points, pitch)
-    falloff = calibration.photometry.falloff(view, calibration.light_offset.value, points, seen.pixels)
-    return seen.scaled(1.0 / (falloff[..., None] * calibration.white_level))

@@ -13,18 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis import dictionary as dictionaries
+from analysis.board_findings import BoardFindings, board_findings
 from analysis.board_layout import BoardLayout
 from analysis.boards import BoardCorners, detect_corners
 from analysis.camera_calibration import MIN_VIEWS, CameraCalibration, calibrate_camera, usable_views
 from analysis.fitting import estimate_noise
+from analysis.flat_field import FlatField
 from analysis.lens import Lens
 from analysis.light_calibration import LightOffset, estimate_light_offset, light_position
 from analysis.merged_frames import MergedFrames
 from analysis.photometry import Photometry, fit_photometry
+from analysis.radiometry import RadiometryFindings
 from analysis.rectification import Grid, Rectified, View, rectify
 from analysis.stack import Stack
 from analysis.stages import Stages
-from analysis.stated import Stated
+from analysis.stated import stated
 from analysis.white_samples import WhitePoints, white_samples
 from instrument.session import Session
 
@@ -37,91 +40,141 @@ _SCOUT_PIXELS = 64  # a side, of the coarse grid that the light is found on
 
 
 @dataclass(frozen=True)
+class Lighting:
+    """What the white beside the sample and the sample's highlights say of the light.
+
+    Attributes
+    ----------
+    photometry : Photometry
+    light_offset : LightOffset
+    white_level : ndarray of float32, shape (n_channels,)
+        Radiance of white in each channel; the stack's channels are divided by it.
+    """
+
+    photometry: Photometry
+    light_offset: LightOffset
+    white_level: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
 class Calibration:
     """What a session's own pictures say of the rig.
 
     Attributes
     ----------
-    camera : CameraCalibration
-    photometry : Photometry
-    light_offset : LightOffset
-    white_level : ndarray of float32, shape (n_channels,)
-        Radiance of white in each channel; the stack's channels are divided by it.
+    radiometry : RadiometryFindings
+        How counts became radiance.
+    flat : FlatField or None
+        From the session's pictures of a card; None if there are none.
+    camera : CameraCalibration or None
+        None without boards.
+    boards : BoardFindings or None
+    lighting : Lighting or None
+        None where no area is stated: then there is nothing to light.
     i_pose : ndarray of int, shape (n_views,)
-        The session's pose of each view.
+        The session's pose of each view that shows the boards.
     dropped : tuple of str
         Poses that were left out, with the reason.
     """
 
-    camera: CameraCalibration
-    photometry: Photometry
-    light_offset: LightOffset
-    white_level: NDArray[np.float32]
+    radiometry: RadiometryFindings
+    flat: FlatField | None
+    camera: CameraCalibration | None
+    boards: BoardFindings | None
+    lighting: Lighting | None
     i_pose: NDArray[np.int64]
     dropped: tuple[str, ...]
 
-    @property
-    def views(self) -> tuple[View, ...]:
-        """Where the camera stood in each view."""
-        return views_of(self.camera)
-
     def as_dict(self) -> dict[str, object]:
         """Return the figures that a report shows."""
-        matrix, power = self.camera.camera_matrix, self.photometry.light_power
-        return {
-            "n_views": len(self.i_pose),
-            "dropped": list(self.dropped),
-            "corner_rms_px": self.camera.rms,
-            "n_corner_outliers": len(self.camera.outliers),
-            "fx_px": float(matrix[0, 0]),
-            "fy_px": float(matrix[1, 1]),
-            "cx_px": float(matrix[0, 2]),
-            "cy_px": float(matrix[1, 2]),
-            "distortion": self.camera.distortion.tolist(),
-            "sigma_px": self.camera.intrinsics_sigma,
-            "print_sigma_mm": self.camera.bundle.noise.print_sigma,
-            "light_offset_mm": self.light_offset.value.tolist(),
-            "light_offset_sigma_mm": self.light_offset.sigma.tolist(),
-            "light_power_spread": float(np.std(power) / np.mean(power)),
-            "light_power_sigma": float(np.sqrt(np.mean(self.photometry.light_power_sigma**2))),
-            "vignetting": list(self.photometry.vignetting),
-            "light_gradient": list(self.photometry.gradient),
-            "lobe_exponent": self.photometry.lobe_exponent,
-            "white_rms": self.photometry.rms,
-        }
+        figures: dict[str, object] = {"n_views": len(self.i_pose), "dropped": list(self.dropped)}
+        if self.camera is not None:
+            figures |= _camera_figures(self.camera)
+        if self.lighting is not None:
+            figures |= _light_figures(self.lighting)
+        return figures
 
 
-def calibrate_session(session: Session, nominal: Stated, frames: MergedFrames, stages: Stages) -> Calibration:
-    """Calibrate a session from its own pictures.
+def _camera_figures(camera: CameraCalibration) -> dict[str, object]:
+    matrix = camera.camera_matrix
+    return {
+        "corner_rms_px": camera.rms,
+        "n_corner_outliers": len(camera.outliers),
+        "fx_px": float(matrix[0, 0]),
+        "fy_px": float(matrix[1, 1]),
+        "cx_px": float(matrix[0, 2]),
+        "cy_px": float(matrix[1, 2]),
+        "distortion": camera.distortion.tolist(),
+        "sigma_px": camera.intrinsics_sigma,
+        "print_sigma_mm": camera.bundle.noise.print_sigma,
+    }
+
+
+def _light_figures(lighting: Lighting) -> dict[str, object]:
+    photometry, offset = lighting.photometry, lighting.light_offset
+    return {
+        "light_offset_mm": offset.value.tolist(),
+        "light_offset_sigma_mm": offset.sigma.tolist(),
+        "light_power_spread": float(np.std(photometry.light_power) / np.mean(photometry.light_power)),
+        "light_power_sigma": float(np.sqrt(np.mean(photometry.light_power_sigma**2))),
+        "vignetting": list(photometry.vignetting),
+        "light_gradient": list(photometry.gradient),
+        "lobe_exponent": photometry.lobe_exponent,
+        "white_rms": photometry.rms,
+    }
+
+
+def calibrate_session(session: Session, frames: MergedFrames, stages: Stages) -> Calibration:
+    """Calibrate a session from its own pictures, as far as they and what is stated of them allow.
 
     Parameters
     ----------
     session : Session
-    nominal : Stated
     frames : MergedFrames
     stages : Stages
 
     Raises
     ------
     InvalidInputError
-        If there are too few poses, or too few that show the boards.
+        If there are boards, and too few poses show them.
     """
-    with stages.measure("boards"):
-        found = _find_boards(session, frames)
-    usable = usable_views(found)
-    dropped = tuple(
-        f"pose {i}: {len(c)} board corners" for i, c, ok in zip(frames.i_pose, found, usable, strict=True) if not ok
-    )
-    with stages.measure("camera"):
-        corners = [c for c, ok in zip(found, usable, strict=True) if ok]
-        camera = calibrate_camera(
-            corners, frames.image_size, BoardLayout.nominal(session.boards), session.focal_length_px
+    camera, boards, i_pose = None, None, np.zeros(0, np.int64)
+    dropped: tuple[str, ...] = ()
+    if session.boards:
+        with stages.measure("boards"):
+            found = _find_boards(session, frames)
+        usable = usable_views(found)
+        dropped = tuple(
+            f"pose {i}: {len(c)} board corners" for i, c, ok in zip(frames.i_pose, found, usable, strict=True) if not ok
         )
-    legacy = frozenset.union(frozenset(), *(c.legacy for c in corners))
-    i_pose = frames.i_pose[usable]
+        with stages.measure("camera"):
+            corners = [c for c, ok in zip(found, usable, strict=True) if ok]
+            nominal = BoardLayout.nominal(session.boards)
+            camera = calibrate_camera(corners, frames.image_size, nominal, session.focal_length_px, _known(session))
+        boards = board_findings(camera.bundle, nominal, frozenset.union(frozenset(), *(c.legacy for c in corners)))
+        i_pose = frames.i_pose[usable]
     with stages.measure("light"):
-        photometry, light, level = _find_light(session, nominal, frames, i_pose, camera, legacy)
-    return Calibration(camera, photometry, light, level, i_pose, dropped)
+        flat = _flat_field(session, frames, camera)
+        lighting = None
+        if camera is not None and boards is not None and session.area_mm is not None:
+            lighting = _find_light(session, frames, i_pose, camera, boards.legacy, flat)
+    return Calibration(frames.findings, flat, camera, boards, lighting, i_pose, dropped)
+
+
+def _known(session: Session) -> Lens | None:
+    """Return the intrinsics that somebody stated; those that come from the pictures are better if there are enough."""
+    matrix, distortion = session.nominal_camera_matrix, session.nominal_distortion
+    few = int(session.pose_complete.sum()) < MIN_VIEWS
+    if matrix is None or not few:
+        return None
+    return Lens.of(matrix, np.zeros(5) if distortion is None else distortion)
+
+
+def _flat_field(session: Session, frames: MergedFrames, camera: CameraCalibration | None) -> FlatField | None:
+    offset = np.zeros(3) if session.light_offset_mm is None else session.light_offset_mm
+    focal_length = session.focal_length_px if camera is None else float(camera.camera_matrix[0, 0])
+    # Without any, a field of view of 60 deg: of the card only the product over the picture is wanted then.
+    return frames.flat_field(focal_length or 0.87 * max(frames.image_size), offset)
 
 
 def views_of(camera: CameraCalibration) -> tuple[View, ...]:
@@ -153,21 +206,24 @@ def _first_lens(session: Session, frames: MergedFrames) -> Lens | None:
 def _detect(session: Session, frames: MergedFrames, i_pose: int, lens: Lens | None) -> BoardCorners:
     merged = frames.merge(i_pose)
     picture = np.where(merged.saturated, np.float32(np.nan), merged.mean)
-    return detect_corners(picture, frames.bayer_pattern, session.boards, lens)
+    # Boards are black and white: the mean of the colours shows them with the least noise.
+    grey = picture.mean(axis=-1) if picture.ndim == 3 else picture
+    return detect_corners(grey, frames.bayer_pattern, session.boards, lens)
 
 
 def _find_light(
     session: Session,
-    nominal: Stated,
     frames: MergedFrames,
     i_pose: NDArray[np.int64],
     camera: CameraCalibration,
     legacy: frozenset[int],
-) -> tuple[Photometry, LightOffset, NDArray[np.float32]]:
+    flat: FlatField | None,
+) -> Lighting:
     """Find powers and fall-off from the white, and the light's offset from the sample's highlights.
 
     The offset is sought on a coarse grid of the area, since a few hundred pixels tell it.
     """
+    nominal = stated(session)
     views, footprint = views_of(camera), footprint_mm(camera)
     white = WhitePoints.beside(session.boards, legacy, nominal.area_mm, footprint)
     scout = _scout_grid(nominal.area_mm, footprint)
@@ -175,8 +231,8 @@ def _find_light(
     for i, view in zip(i_pose, views, strict=True):
         merged = frames.merge(int(i))
         picture = (merged.mean, merged.variance, merged.saturated, frames.bayer_pattern, view)
-        on_scout.append(rectify(*picture, scout.points(), footprint))
-        on_white.append(rectify(*picture, white.points[None], footprint))
+        on_scout.append(evened(rectify(*picture, scout.points(), footprint), flat, view, scout.points()))
+        on_white.append(evened(rectify(*picture, white.points[None], footprint), flat, view, white.points[None]))
     samples, level = white_samples(on_white, white, views)
     prior = LightOffset(nominal.light_offset_mm, np.full(3, float(np.max(nominal.light_offset_sigma_mm))))
     first = fit_photometry(samples, views, prior.value, frames.image_size)
@@ -184,7 +240,14 @@ def _find_light(
     rng = np.random.default_rng(0)
     dictionary = dictionaries.parametric()
     light = estimate_light_offset(stack, dictionary, estimate_noise(stack, dictionary, rng), prior, rng)
-    return fit_photometry(samples, views, light.value, frames.image_size), light, level
+    return Lighting(fit_photometry(samples, views, light.value, frames.image_size), light, level)
+
+
+def evened(seen: Rectified, flat: FlatField | None, view: View, points: Array) -> Rectified:
+    """Divide a view by the flat field, if there is one; what that leaves, the white beside the sample tells."""
+    if flat is None:
+        return seen
+    return seen.scaled(1.0 / flat.gain_at(seen.pixels, points @ view.rotation.T + view.translation)[..., None])
 
 
 def _scout_grid(area_mm: tuple[float, float], footprint: float) -> Grid:

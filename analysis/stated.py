@@ -54,8 +54,5 @@ def _missing(session: Session) -> Iterator[Problem]:
     for name, (value, remedy) in needed.items():
         if value is None:
             yield Problem(name, f"is not stated; {remedy} in capture.toml and import again")
-    for name in ("conversion_gain", "read_noise"):
-        if not np.isfinite(getattr(session.camera, name)):
-            yield Problem(name, "is not known; state it in [camera] in capture.toml and import again")
-    if session.camera.n_channels > 1 or session.camera.dtype != "u2":
-        yield Problem("images", "only raw counts, monochrome or in a mosaic, can be used")
+    if not session.boards:
+        yield Problem("boards", "there are none; state [[boards]] in capture.toml and import again")

@@ -30,7 +30,7 @@ def _one_of(name: str, values: list[str], default: str, text: str) -> Callable[[
 
 @click.command(epilog="Example: halfangle calibrate session.h5 -o area.stack.h5")
 @click.argument("session", type=FILE)
-@click.option("-o", "--output", type=FILE, required=True, help="Registered stack to write.")
+@click.option("-o", "--output", type=FILE, help="Registered stack to write; without it the calibration is told only.")
 @click.option(
     "--pitch",
     type=click.FloatRange(min=0.001),
@@ -38,14 +38,32 @@ def _one_of(name: str, values: list[str], default: str, text: str) -> Callable[[
 )
 @click.option("--json", "json_file", type=FILE, help="Write the calibration's figures here too.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing while working.")
-def calibrate(session: Path, output: Path, pitch: float | None, json_file: Path | None, quiet: bool) -> None:
+def calibrate(session: Path, output: Path | None, pitch: float | None, json_file: Path | None, quiet: bool) -> None:
     """Calibrate a SESSION from its own pictures and register it onto the sample plane."""
-    check_new(output, *([json_file] if json_file else []))
+    check_new(*(path for path in (output, json_file) if path))
     from analysis.stages import Stages
 
-    stack, figures = stack_from_session(session, output, pitch, Stages(stage_announcer(quiet)))
+    stages = Stages(stage_announcer(quiet))
+    if output is None:
+        figures = calibration_only(session, stages)
+    else:
+        stack, figures = stack_from_session(session, output, pitch, stages)
+        _tell_stack(output, stack, figures)
     if json_file:
         write_json(json_file, figures)
+
+
+def calibration_only(session: Path, stages: Stages) -> dict[str, Any]:
+    """Calibrate a session as far as it goes; return the figures."""
+    from analysis.merged_frames import MergedFrames
+    from analysis.session_calibration import calibrate_session
+    from instrument.session import Session
+
+    with Session(session) as opened:
+        return calibrate_session(opened, MergedFrames(opened), stages).as_dict()
+
+
+def _tell_stack(output: Path, stack: Stack, figures: dict[str, Any]) -> None:
     click.echo(
         f"{output}: {stack.n_views} views of {stack.grid.width} x {stack.grid.height} pixels "
         f"of {stack.pixel_pitch:g} mm; "

@@ -37,6 +37,11 @@ class FakeSession:
     dark: np.ndarray | None = None
     camera: CameraRecord = field(default_factory=camera)
     path: Path = Path("fake.h5")
+    response: np.ndarray | None = None
+    response_times: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    black_level_cell: np.ndarray | None = None
+    flat_times: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    flat_distances_mm: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def n_poses(self) -> int:
@@ -56,6 +61,9 @@ class FakeSession:
 
     def frames(self, i_pose: int) -> np.ndarray:
         return self.counts[i_pose]
+
+    def ambient(self, i_pose: int) -> np.ndarray | None:
+        return None
 
 
 def counts(times: np.ndarray = TIMES, radiance: np.ndarray = RADIANCE, seed: int = 0) -> np.ndarray:
