@@ -23,7 +23,11 @@ from cli.main import main
 atexit.register(lambda: print(peak_memory_mb()))
 main()
 """
-COMMAND = (sys.executable, "-c", _PROGRAM, "reconstruct", "--quiet")
+
+
+def program(command: str) -> list[str]:
+    """Return what runs a command of `halfangle` in a process of its own that prints its peak memory last."""
+    return [sys.executable, "-c", _PROGRAM, command]
 
 
 def file_to_file(scene: Scene) -> Estimate:
@@ -37,7 +41,7 @@ def file_to_file(scene: Scene) -> Estimate:
     with TemporaryDirectory() as folder:
         source, output = Path(folder) / "area.stack.h5", Path(folder) / "area.result.h5"
         write_stack(source, scene.stack)
-        seconds, cpu_seconds, peak_mb = timed([*COMMAND, str(source), "-o", str(output)])
+        seconds, cpu_seconds, peak_mb = timed([*program("reconstruct"), "--quiet", str(source), "-o", str(output)])
         result = read_result(output)
     notes: dict[str, Any] = {"radiance_mb": scene.stack.radiance.nbytes / 1e6, "peak_mb": peak_mb}
     return Estimate(
