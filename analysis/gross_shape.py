@@ -9,6 +9,9 @@ another normal could explain is taken for height), the correction c . b(x, y) mi
     sum_vp w_vp ( r_vp + G_vp b(x_p, y_p) . c )^2 ,     b = (1, x, y, (x^2 + y^2) / 2) ,
 
 with Huber's weights w [huber1964]. The scatter of whole blocks of the area gives its covariance.
+
+Over a small area (under some 50 pixels a side) level and bowl are hardly told apart, and a correction of more
+than a third of a pixel comes short at first; the loop over the geometry then finds the rest.
 """
 
 from __future__ import annotations
@@ -32,7 +35,7 @@ N_PIXELS = 2000
 SIGNIFICANT = 3.0
 """Sigmas by which a term has to differ from nothing to be corrected."""
 
-_ROUNDS = 3
+_ROUNDS = 4
 _STEP_PX = 0.35  # shift of the most slanted view by which the change of the residuals is found
 _HUBER = 2.0
 _BLOCKS = 6
