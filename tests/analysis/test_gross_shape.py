@@ -16,7 +16,7 @@ NOISE = Noise(relative=4e-3, floor=0.0)
 
 @pytest.fixture(scope="module")
 def plane_stack() -> Stack:
-    return make_stack(n_views=60, size=64, registered_to="plane", pitch=0.5)
+    return make_stack(n_views=40, size=64, registered_to="plane", pitch=0.5)
 
 
 def true_depth(stack: Stack) -> np.ndarray:
