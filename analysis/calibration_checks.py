@@ -29,7 +29,7 @@ def calibration_checks(
     budget : ErrorBudget or None
         None where no stack was made.
     """
-    checks = [*radiometry_checks(calibration.radiometry, facts.is_linear)]
+    checks = [*radiometry_checks(calibration.radiometry)]
     checks += geometry_checks(calibration, facts)
     checks += light_checks(calibration, facts)
     reached = coverage_of(calibration, facts)

@@ -37,9 +37,9 @@ _REMEDIES = {
 
 def light_checks(calibration: Calibration, facts: SessionFacts) -> Iterator[Check]:
     """Yield the checks of the light, if there is an area that it lights."""
-    camera, lighting = calibration.camera, calibration.lighting
-    if camera is not None and lighting is not None:
-        distance = float(np.median(np.linalg.norm(camera.camera_position, axis=1)))
+    lighting = calibration.lighting
+    distance = calibration.distance_mm
+    if distance is not None and lighting is not None:
         yield offset(lighting.light_offset, facts)
         yield theta_d(lighting.light_offset, distance)
         yield spread(lighting.photometry, calibration.i_pose)
@@ -48,7 +48,7 @@ def light_checks(calibration: Calibration, facts: SessionFacts) -> Iterator[Chec
         yield white(lighting.photometry)
         yield falloff(lighting.photometry)
     if calibration.flat is not None:
-        yield from flat_checks(calibration.flat, _distance(calibration))
+        yield from flat_checks(calibration.flat, distance)
 
 
 def offset(light: LightOffset, facts: SessionFacts) -> Check:
@@ -149,9 +149,3 @@ def budget_check(budget: ErrorBudget) -> Check:
 
 def _are_times(seconds: Array) -> bool:
     return len(seconds) > 2 and bool(np.isfinite(seconds).all()) and float(np.ptp(seconds)) > 0.0
-
-
-def _distance(calibration: Calibration) -> float | None:
-    if calibration.camera is None:
-        return None
-    return float(np.median(np.linalg.norm(calibration.camera.camera_position, axis=1)))

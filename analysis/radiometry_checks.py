@@ -26,9 +26,9 @@ NOT_A_NUMBER = Limits(0.0, np.inf, "none")
 _SIGMAS = 3.0
 
 
-def radiometry_checks(found: RadiometryFindings, is_linear: bool) -> Iterator[Check]:
+def radiometry_checks(found: RadiometryFindings) -> Iterator[Check]:
     """Yield the checks of counts that are linear, or of the curve that makes them so."""
-    if is_linear:
+    if found.response is None:
         yield from _black(found)
         if found.saturation is not None:
             yield _saturation(found.saturation, found.black_used)

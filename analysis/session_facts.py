@@ -23,8 +23,6 @@ class SessionFacts:
     title : str
     image_size : (int, int)
         Width, height.
-    is_linear : bool
-        Whether counts are proportional to light.
     n_complete : int
         Complete poses.
     boards : tuple of Board
@@ -41,7 +39,6 @@ class SessionFacts:
 
     title: str
     image_size: tuple[int, int]
-    is_linear: bool
     n_complete: int
     boards: tuple[Board, ...]
     area_mm: tuple[float, float] | None
@@ -60,7 +57,6 @@ def facts_of(session: Session, calibration: Calibration) -> SessionFacts:
     return SessionFacts(
         title=session.title,
         image_size=(session.camera.width, session.camera.height),
-        is_linear=session.response is None and len(session.response_times) == 0,
         n_complete=int(session.pose_complete.sum()),
         boards=session.boards,
         area_mm=session.area_mm,
