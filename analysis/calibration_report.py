@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import jinja2
 
@@ -52,9 +53,9 @@ class CalibrationReport:
     checks: tuple[Check, ...]
 
     @property
-    def figures(self) -> dict[str, object]:
+    def figures(self) -> dict[str, Any]:
         """The calibration's figures, with the error budget if there is one."""
-        figures = self.calibration.as_dict()
+        figures: dict[str, Any] = self.calibration.as_dict()
         if self.budget is not None:
             figures["error_budget_deg"] = self.budget.contributions
         return figures
@@ -65,7 +66,7 @@ class CalibrationReport:
         passed, warned, failed = (count(self.checks, status) for status in Status)
         return f"{failed} FAIL, {warned} WARN, {passed} PASS"
 
-    def as_dict(self) -> dict[str, object]:
+    def as_dict(self) -> dict[str, Any]:
         """Return all that the page shows but for its pictures, as JSON has it."""
         reached = coverage_of(self.calibration, self.facts)
         return {

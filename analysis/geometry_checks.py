@@ -149,11 +149,9 @@ def stage(rotation: Array, tilt_deg: Array, turn_deg: Array, i_pose: NDArray[np.
     known = np.isfinite(tilt_deg) & np.isfinite(turn_deg)
     if known.sum() < 2:
         return
-    x, z = (
-        np.deg2rad(tilt_deg[known])[:, None] * [1.0, 0.0, 0.0],
-        np.deg2rad(turn_deg[known])[:, None] * [0.0, 0.0, 1.0],
-    )
-    read = rotation_from_vector(x) @ rotation_from_vector(z)
+    x, _, z = np.eye(3)
+    tilt, turn = (np.deg2rad(angle[known])[:, None] for angle in (tilt_deg, turn_deg))
+    read = rotation_from_vector(tilt * x) @ rotation_from_vector(turn * z)
     off = np.abs(_turns(rotation[known]) - _turns(read))
     of_pose = np.median(off, axis=1)
     worst = int(of_pose.argmax())

@@ -18,7 +18,7 @@ from analysis.session_facts import SessionFacts
 Array = NDArray[np.float64]
 
 STATED = Limits(3.0, np.inf, "within 3 sigma of the stated place")
-THETA_D = Limits(65.0, 65.0, "at most 65 deg")
+THETA_D = Limits(30.0, 65.0, "at most 30 deg; FAIL above 65 deg")
 POWER = Limits(0.05, np.inf, "at most 5 %")
 WHITE = Limits(0.02, 0.1, "at most 2 % RMS; FAIL above 10 %")
 GAIN = Limits(WARN_GAIN, np.inf, f"at most {WARN_GAIN:g} times")
