@@ -51,6 +51,8 @@ def _corners(camera: CameraCalibration, calibration: Calibration, facts: Session
     i_pose, worst = calibration.i_pose, int(camera.view_rms.argmax())
     drawn = corner_figures.residual_vectors(camera, facts.image_size)
     yield Drawing("Residuals of the corners over the picture, all views", drawn)
+    drawn = corner_figures.regional_means(camera, facts.image_size)
+    yield Drawing("What the corners have in common, region by region", drawn)
     if facts.worst_preview is not None:
         name = f"pose {i_pose[worst]}"
         drawn = corner_figures.worst_view(camera, facts.worst_preview, facts.image_size, name)

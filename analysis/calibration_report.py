@@ -112,6 +112,7 @@ def write_calibration_page(path: Path, report: CalibrationReport, title: str) ->
         budget=[] if report.budget is None else _by_size(report.budget),
         dropped=report.calibration.dropped,
         n_views=len(report.calibration.i_pose),
+        n_complete=report.facts.n_complete,
     )
     with path.open("x", encoding="utf-8") as file:
         file.write(page)

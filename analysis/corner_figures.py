@@ -17,6 +17,7 @@ from analysis.figures import STYLE, png
 Array = NDArray[np.float64]
 
 _SHARE = 0.04  # of the picture's width that a long arrow takes
+_REGIONS, _ENOUGH = (8, 6), 10  # across and down the picture; corners that a region needs
 _BRIGHTEST = 99.0  # percentile of a preview that is drawn white
 
 
@@ -31,6 +32,36 @@ def residual_vectors(camera: CameraCalibration, image_size: tuple[int, int]) -> 
         quiver.set_array(np.arctan2(residuals[:, 1], residuals[:, 0]))
         axes.set_title(f"found less predicted, {times:g} times as long; colour is direction")
         return png(figure)
+
+
+def regional_means(camera: CameraCalibration, image_size: tuple[int, int]) -> bytes:
+    """Draw the mean residual of each region of the picture; its colour is the mean over its standard error.
+
+    Scatter averages out there: what is left is what the lens model does not know.
+    """
+    points = np.concatenate([c.image_points for c in camera.corners])
+    residuals = np.concatenate(camera.residuals)
+    centres, means, errors = by_region(points, residuals, image_size)
+    with mpl.rc_context(STYLE):
+        figure, axes = _over_picture(image_size)
+        times = exaggeration(means, image_size, 1.0 / _REGIONS[0])
+        quiver = _arrows(axes, centres, means, times, cmap="viridis", clim=(0.0, 5.0), width=0.006)
+        quiver.set_array(np.linalg.norm(means, axis=1) / errors)
+        figure.colorbar(quiver, ax=axes, shrink=0.7, label="over its standard error")
+        axes.set_title(f"mean of each region, {times:g} times as long")
+        return png(figure)
+
+
+def by_region(points: Array, residuals: Array, image_size: tuple[int, int]) -> tuple[Array, Array, Array]:
+    """Return centres (n, 2), mean residuals (n, 2) and their standard errors (n,) of regions with enough corners."""
+    size = np.array(image_size) / _REGIONS
+    index = np.clip((points + 0.5) // size, 0, np.array(_REGIONS) - 1).astype(int)
+    which = index[:, 1] * _REGIONS[0] + index[:, 0]
+    enough = np.flatnonzero(np.bincount(which) >= _ENOUGH)
+    means = np.array([residuals[which == k].mean(axis=0) for k in enough]).reshape(-1, 2)
+    errors = [np.sqrt(np.sum(residuals[which == k].var(axis=0)) / np.sum(which == k)) for k in enough]
+    centres = (np.stack([enough % _REGIONS[0], enough // _REGIONS[0]], axis=1) + 0.5) * size - 0.5
+    return centres, means, np.maximum(errors, 1e-12)
 
 
 def worst_view(
@@ -57,10 +88,12 @@ def worst_view(
         return png(figure)
 
 
-def exaggeration(residuals: Array, image_size: tuple[int, int]) -> float:
-    """Return a round number of times that makes long arrows as long as they can be told apart."""
+def exaggeration(residuals: Array, image_size: tuple[int, int], share: float = _SHARE) -> float:
+    """Return a round number of times that makes long arrows at most `share` of the picture's width."""
+    if not len(residuals):
+        return 1.0
     long = float(np.percentile(np.linalg.norm(residuals, axis=1), 95))
-    times = _SHARE * image_size[0] / max(long, 1e-9)
+    times = share * image_size[0] / max(long, 1e-9)
     power = 10.0 ** np.floor(np.log10(times))
     return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= times))
 

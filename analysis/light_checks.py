@@ -132,7 +132,7 @@ def flat_checks(flat: FlatField, distance: float | None) -> Iterator[Check]:
 
 def _one_card(only_at: float, distance: float | None) -> Check:
     off = float("nan") if distance is None else abs(only_at / distance - 1.0)
-    at = "unknown" if distance is None else f"{distance:.0f} mm"
+    at = "a distance that is not known" if distance is None else f"{distance:.0f} mm"
     number = f"one card at {only_at:.0f} mm: vignetting and lobe are confounded; the sample is at {at}"
     remedy = "add cards at two more distances, or hold the one at the distance of the sample"
     return graded("flat field at other distances", off, ONE_CARD, number, remedy)

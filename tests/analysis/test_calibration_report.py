@@ -13,8 +13,9 @@ from analysis.calibration_checks import calibration_checks
 from analysis.calibration_figures import calibration_figures
 from analysis.calibration_parameters import Parameter
 from analysis.calibration_report import CalibrationReport, write_calibration_page
-from analysis.corner_figures import exaggeration
+from analysis.corner_figures import by_region, exaggeration
 from analysis.error_budget import ErrorBudget
+from analysis.exposure_ratios import ExposureRatios
 from analysis.response import srgb_response
 from cli.calibration import checks_text
 from tests.analysis.calibrations import calibration, camera, facts, radiometry
@@ -35,7 +36,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def test_the_page_needs_nothing_beside_it(page: str) -> None:
-    assert page.count("data:image/png;base64,") == 9
+    assert page.count("data:image/png;base64,") == 10
     assert "http" not in page.split("<style>")[1]
     assert "src=" not in page.replace('src="data:', "")
 
@@ -110,3 +111,24 @@ def test_without_files_to_write_every_check_is_told() -> None:
     report = report_of()
     text = checks_text(report, tell_all=True)
     assert all(check.name in text for check in report.checks)
+
+
+def test_what_corners_of_a_region_have_in_common_is_told_apart_from_their_scatter() -> None:
+    rng = np.random.default_rng(0)
+    points = rng.uniform(0, [639, 479], (20_000, 2))
+    residuals = 0.1 * rng.standard_normal((20_000, 2))
+    residuals[points[:, 0] > 319.5] += [0.05, 0.0]
+    centres, means, errors = by_region(points, residuals, (640, 480))
+    assert len(centres) == 48
+    biased = centres[:, 0] > 319.5
+    strength = np.linalg.norm(means, axis=1) / errors
+    assert strength[biased].min() > 3.5 > strength[~biased].max()
+    np.testing.assert_allclose(means[biased].mean(axis=0), [0.05, 0.0], atol=0.005)
+
+
+def test_every_check_stands_in_the_documentation() -> None:
+    text = (Path(__file__).parents[2] / "docs/calibration.md").read_text(encoding="utf-8")
+    without_darks = radiometry(black_dark=None, ratios=ExposureRatios.of_one_exposure())
+    behind_a_curve = radiometry(response=srgb_response())
+    checks = [c for r in (radiometry(), without_darks, behind_a_curve) for c in report_of(radiometry=r).checks]
+    assert {c.name for c in checks if f"| {c.name} |" not in text} == set()

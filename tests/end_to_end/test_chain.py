@@ -81,7 +81,7 @@ def test_the_session_verifies(folder: Path) -> None:
 
 def test_the_page_of_the_calibration_shows_the_worst_view_and_where_the_camera_stood(folder: Path) -> None:
     page = (folder / "cal.html").read_text()
-    assert page.count("data:image/png;base64,") == 9
+    assert page.count("data:image/png;base64,") == 10
     for text in ("The worst view, pose", "Where the camera stood", "stage", "drift of the light", "light offset x"):
         assert text in page
 
