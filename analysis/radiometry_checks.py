@@ -146,9 +146,8 @@ def _response(found: RadiometryFindings) -> Iterator[Check]:
         "the camera changed its curve or its light between the pictures: fix white balance, picture style and "
         "dynamic-range control, or use raw pictures",
     )
-    yield _slope(
-        "slope of the response", found.response_slope, "reported times or an automatic picture control are off"
-    )
+    remedy = "take the bracket with exposure, white balance and picture style set by hand: something followed the light"
+    yield _slope("slope of the response", found.response_slope, remedy)
 
 
 def _clipped(found: RadiometryFindings) -> Check:

@@ -83,17 +83,17 @@ def checks_text(report: CalibrationReport, *, tell_all: bool = False) -> str:
     from analysis.checks import Status, by_severity, count
 
     checks = by_severity(report.checks)
-    width = max(len(check.name) for check in checks)
-    every = [f"{check.status.value}  {check.name.ljust(width)}  {check.number}" for check in checks]
     lines = [
         f"{check.status.value}  {check.name}: {check.number} (allowed: {check.threshold}). Next: {check.remedy}"
         for check in checks
         if check.status is not Status.PASS
     ]
+    if tell_all:
+        lines += [f"PASS  {check.name}: {check.number}" for check in checks if check.status is Status.PASS]
     lines.append(f"calibration checks: {report.verdict}")
     if count(checks, Status.FAIL):
         lines.append("THE CALIBRATION FAILED: do not trust maps made with it before what failed is put right.")
-    return "\n".join([*every, "", *lines] if tell_all else lines)
+    return "\n".join(lines)
 
 
 def budget_text(contributions: dict[str, float]) -> str:
