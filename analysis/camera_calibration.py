@@ -303,7 +303,7 @@ def _without_outliers(corners: Sequence[BoardCorners], bundle: Bundle) -> tuple[
     """Leave out what does not fit, and solve again, until nothing is left out."""
     kept = tuple(corners)
     for _ in range(5):
-        fits = [_normalised(c, r, bundle.noise) <= OUTLIER for c, r in zip(kept, bundle.residuals, strict=True)]
+        fits = [normalised(c, r, bundle.noise) <= OUTLIER for c, r in zip(kept, bundle.residuals, strict=True)]
         if all(f.all() for f in fits) or any(f.sum() < MIN_CORNERS for f in fits):
             break
         kept = tuple(c.select(f) for c, f in zip(kept, fits, strict=True))
@@ -311,7 +311,7 @@ def _without_outliers(corners: Sequence[BoardCorners], bundle: Bundle) -> tuple[
     return kept, bundle
 
 
-def _normalised(corners: BoardCorners, residual: Array, noise: CornerNoise) -> Array:
+def normalised(corners: BoardCorners, residual: Array, noise: CornerNoise) -> Array:
     """Return the residuals' lengths over the sigma that is taken for each corner."""
     return np.asarray(np.linalg.norm(residual, axis=1) / np.sqrt(own_variance(corners) + noise.floor**2))
 
@@ -353,7 +353,7 @@ def _boards_if_needed(corners: Sequence[BoardCorners], bundle: Bundle) -> Bundle
 
 def _chi2(corners: Sequence[BoardCorners], bundle: Bundle, noise: CornerNoise) -> float:
     of_print = np.sum(bundle.state.layout.displacement**2) / noise.print_sigma**2
-    lengths = (_normalised(c, r, noise) for c, r in zip(corners, bundle.residuals, strict=True))
+    lengths = (normalised(c, r, noise) for c, r in zip(corners, bundle.residuals, strict=True))
     return float(of_print + sum(np.sum(length**2) for length in lengths))
 
 
@@ -363,7 +363,7 @@ def _outliers(corners: Sequence[BoardCorners], bundle: Bundle) -> tuple[CornerOu
         in_sample = bundle.state.layout.points(c.corner)
         in_camera = in_sample @ bundle.state.rotation[v].T + bundle.state.translation[v]
         residual = c.image_points - bundle.state.lens.project(in_camera)[0]
-        for k in np.flatnonzero(_normalised(c, residual, bundle.noise) > OUTLIER):
+        for k in np.flatnonzero(normalised(c, residual, bundle.noise) > OUTLIER):
             (x, y), (dx, dy) = c.image_points[k].tolist(), residual[k].tolist()
             found.append(CornerOutlier(v, int(bundle.state.layout.board[c.corner[k]]), (x, y), (dx, dy)))
     return tuple(found)

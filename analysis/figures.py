@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 Point = tuple[int, int]
 
-_STYLE: dict[Any, Any] = {"font.size": 9, "axes.titlesize": 10, "figure.facecolor": "white", "savefig.dpi": 110}
+STYLE: dict[Any, Any] = {"font.size": 9, "axes.titlesize": 10, "figure.facecolor": "white", "savefig.dpi": 110}
 
 
 def normal_colours(normals: Array) -> Array:
@@ -44,7 +44,7 @@ def picture(colours: Array) -> bytes:
 
 def scalar_map(values: Array, label: str, *, log: bool = False, marks: Sequence[Point] = ()) -> bytes:
     """Draw a map with its colour bar; the scale spans the 1st to the 99th percentile."""
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.2, 3.5), layout="constrained")
         axes = figure.add_subplot()
         finite = values[np.isfinite(values)]
@@ -61,7 +61,7 @@ def scalar_map(values: Array, label: str, *, log: bool = False, marks: Sequence[
             axes.plot(column, row, "o", color="white", markeredgecolor="black", markersize=5)
             axes.annotate(str(number), (column, row), xytext=(4, 4), textcoords="offset points", color="white")
         axes.set_axis_off()
-        return _png(figure)
+        return png(figure)
 
 
 def group_map(groups: NDArray[np.int16]) -> bytes:
@@ -82,7 +82,7 @@ def curves(result: Result, points: Sequence[Point], samples: Sequence[tuple[Arra
     """
     theta = np.deg2rad(np.linspace(0.0, 85.0, 300))
     colours = ("tab:red", "tab:green", "tab:blue") if result.fits.atom.shape[1] == 3 else ("black",)
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(3.1 * len(points), 2.9), layout="constrained")
         for number, (row, column) in enumerate(points, start=1):
             axes = figure.add_subplot(1, len(points), number)
@@ -98,7 +98,7 @@ def curves(result: Result, points: Sequence[Point], samples: Sequence[tuple[Arra
                     axes.plot(np.rad2deg(angle), measured[:, channel], ".", color=colour, markersize=3)
             axes.set(title=f"point {number}", xlabel="θh (deg)", ylabel="f (1/sr)" if number == 1 else "")
             _limit_to(axes, f)
-        return _png(figure)
+        return png(figure)
 
 
 def _limit_to(axes: mpl.axes.Axes, f: Array) -> None:
@@ -107,7 +107,8 @@ def _limit_to(axes: mpl.axes.Axes, f: Array) -> None:
         axes.set_ylim(0.5 * float(np.percentile(positive, 1)), 2.0 * float(positive.max()))
 
 
-def _png(figure: Figure) -> bytes:
+def png(figure: Figure) -> bytes:
+    """Encode a figure."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
     return buffer.getvalue()

@@ -75,8 +75,8 @@ class Photometry:
         Of g_x, g_y, a, b, m.
     principal_point, radius : (float, float), float
         Centre of the vignetting and unit of r, pixels.
-    rms : float
-        Of the residuals of log I.
+    residual : ndarray, shape (n_samples,)
+        Of log I, seen less fitted.
     """
 
     light_power: Array
@@ -87,7 +87,12 @@ class Photometry:
     falloff_covariance: Array
     principal_point: tuple[float, float]
     radius: float
-    rms: float
+    residual: Array
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residuals of log I."""
+        return float(np.sqrt(np.mean(self.residual**2)))
 
     def falloff(self, view: View, light_offset: Array, points: Array, pixels: Array) -> Array:
         """Return vignetting times lobe at `points` (..., 3) that lie at `pixels` (..., 2) of the picture."""
@@ -175,7 +180,7 @@ def fit_photometry(
         falloff_covariance=covariance[-7:-2, -7:-2],
         principal_point=centre,
         radius=radius,
-        rms=float(np.sqrt(np.mean(residual**2))),
+        residual=residual,
     )
 
 

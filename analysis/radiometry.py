@@ -37,6 +37,8 @@ class RadiometryFindings:
         Values that are no numbers, among those looked at.
     noise_estimated : bool
         Whether gain and read noise are from the pictures, or assumed, since nobody stated them.
+    response : Response or None
+        What makes counts linear; None if they are.
     response_slope : float
         Slope of log linear exposure over log time in the bracket of the response; NaN without one.
     response_predictions : tuple of PicturePrediction
@@ -52,6 +54,7 @@ class RadiometryFindings:
     n_nan: int
     n_sampled: int
     noise_estimated: bool
+    response: Response | None
     response_slope: float
     response_predictions: tuple[PicturePrediction, ...]
 

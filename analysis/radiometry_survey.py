@@ -92,6 +92,7 @@ def survey(session: Pictures) -> Radiometry:
         n_nan=sum(int(np.isnan(s.counts).sum()) for s in sampled),
         n_sampled=sum(s.counts.size for s in sampled),
         noise_estimated=stated is None,
+        response=response,
         response_slope=slope,
         response_predictions=predictions,
     )

@@ -22,7 +22,7 @@ from analysis.flat_field import FlatField
 from analysis.lens import Lens
 from analysis.light_calibration import LightOffset, estimate_light_offset, light_position
 from analysis.merged_frames import MergedFrames
-from analysis.photometry import Photometry, fit_photometry
+from analysis.photometry import Photometry, WhiteSamples, fit_photometry
 from analysis.radiometry import RadiometryFindings
 from analysis.rectification import Grid, Rectified, View, rectify
 from analysis.stack import Stack
@@ -49,11 +49,14 @@ class Lighting:
     light_offset : LightOffset
     white_level : ndarray of float32, shape (n_channels,)
         Radiance of white in each channel; the stack's channels are divided by it.
+    white : WhiteSamples
+        What the photometry was fitted to.
     """
 
     photometry: Photometry
     light_offset: LightOffset
     white_level: NDArray[np.float32]
+    white: WhiteSamples
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,13 @@ class Calibration:
     lighting: Lighting | None
     i_pose: NDArray[np.int64]
     dropped: tuple[str, ...]
+
+    @property
+    def distance_mm(self) -> float | None:
+        """Median distance of the camera from the centre of the sample, mm; None without boards."""
+        if self.camera is None:
+            return None
+        return float(np.median(np.linalg.norm(self.camera.camera_position, axis=1)))
 
     def as_dict(self) -> dict[str, object]:
         """Return the figures that a report shows."""
@@ -240,7 +250,7 @@ def _find_light(
     rng = np.random.default_rng(0)
     dictionary = dictionaries.parametric()
     light = estimate_light_offset(stack, dictionary, estimate_noise(stack, dictionary, rng), prior, rng)
-    return Lighting(fit_photometry(samples, views, light.value, frames.image_size), light, level)
+    return Lighting(fit_photometry(samples, views, light.value, frames.image_size), light, level, samples)
 
 
 def evened(seen: Rectified, flat: FlatField | None, view: View, points: Array) -> Rectified:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cli.calibration import checks_text, stack_from_session
 from cli.output import check_new, stage_announcer, table, write_json
-from cli.reconstruction import figures_table, result_from_stack, stack_from_session
+from cli.reconstruction import figures_table, result_from_stack
 
 if TYPE_CHECKING:
     from analysis.rectification import Grid
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from instrument.config import RigConfig
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
-FILES = ("session.h5", "area.stack.h5", "result.h5", "report.html")
+FILES = ("session.h5", "area.stack.h5", "result.h5", "report.html", "calibration.html")
 PITCH_MM, QUICK_PITCH_MM = 0.25, 0.5
 
 
@@ -29,7 +30,7 @@ PITCH_MM, QUICK_PITCH_MM = 0.25, 0.5
     type=click.Path(path_type=Path, file_okay=False),
     default=Path("demo"),
     show_default=True,
-    help="Folder for the session, the stack, the result and the report.",
+    help="Folder for the session, the stack, the result and the reports.",
 )
 @click.option(
     "--json", "json_file", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures here too."
@@ -39,12 +40,14 @@ PITCH_MM, QUICK_PITCH_MM = 0.25, 0.5
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing while working.")
 def demo(folder: Path, json_file: Path | None, quick: bool, force: bool, quiet: bool) -> None:
     """Capture, calibrate, reconstruct and report a sample on the simulated rig, and compare with the truth."""
-    session, stack_file, result_file, page = (folder / name for name in FILES)
+    session, stack_file, result_file, page, calibration_page = files = [folder / name for name in FILES]
+    written = [*files, *([json_file] if json_file else [])]
     if force:
-        for path in (session, stack_file, result_file, page, *([json_file] if json_file else [])):
+        for path in written:
             path.unlink(missing_ok=True)
     folder.mkdir(parents=True, exist_ok=True)
-    check_new(session, stack_file, result_file, page, *([json_file] if json_file else []))
+    check_new(*written)
+    from analysis.calibration_report import write_calibration_page
     from analysis.reconstruction import Options
     from analysis.report import write_report
     from analysis.result import write_result
@@ -55,17 +58,19 @@ def demo(folder: Path, json_file: Path | None, quick: bool, force: bool, quiet: 
     rig = load_rig(EXAMPLES / "simulated.toml")
     stages = Stages(stage_announcer(quiet))
     _capture(rig, session, stages, quick=quick)
-    stack, calibration = stack_from_session(session, stack_file, QUICK_PITCH_MM if quick else PITCH_MM, stages)
+    stack, calibrated = stack_from_session(session, stack_file, QUICK_PITCH_MM if quick else PITCH_MM, stages)
+    write_calibration_page(calibration_page, calibrated, "halfangle demo: the calibration of the simulated rig")
     write_truth(stack_file, truth_of(rig, stack.grid))
     stack = read_stack(stack_file)
-    result = result_from_stack(stack, Options(), stages, 6, calibration, stack_file)
+    result = result_from_stack(stack, Options(), stages, 6, calibrated.figures, stack_file)
     write_result(result_file, result)
     write_report(page, result, "halfangle demo: a simulated relief of five materials")
     figures = {**result.summary, "stages": result.stages, "choices": result.choices}
     if json_file:
         write_json(json_file, figures)
     click.echo(_text(figures))
-    click.echo("wrote " + ", ".join(str(path) for path in (session, stack_file, result_file, page)))
+    click.echo(checks_text(calibrated))
+    click.echo("wrote " + ", ".join(map(str, files)))
 
 
 def _capture(rig: RigConfig, session: Path, stages: Stages, *, quick: bool) -> None:

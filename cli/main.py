@@ -19,7 +19,7 @@ COMMANDS = {
     "resume": ("cli.capture:resume", "Go on with an interrupted session."),
     "session": ("cli.session:session", "Look at, verify and export session files."),
     "import": ("cli.importing:import_pictures", "Bring in pictures from elsewhere."),
-    "calibrate": ("cli.reconstruction:calibrate", "Session to registered stack."),
+    "calibrate": ("cli.calibration:calibrate", "Session to registered stack, with a report of checks."),
     "reconstruct": ("cli.reconstruction:reconstruct", "Session or stack to normals, depth and BRDF."),
     "render": ("cli.reconstruction:render", "Predict the picture from any camera and light."),
     "report": ("cli.reconstruction:report", "One HTML page of a result."),

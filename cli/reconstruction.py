@@ -1,4 +1,4 @@
-"""`halfangle calibrate`, `reconstruct`, `render`, `report`: from a session to maps and pictures."""
+"""`halfangle reconstruct`, `render`, `report`: from a session or a stack to maps and pictures."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cli.calibration import budget_text, stack_from_session
 from cli.output import check_new, parse_position, stage_announcer, table, write_json
 
 if TYPE_CHECKING:
@@ -26,71 +27,6 @@ FILE = click.Path(path_type=Path, dir_okay=False)
 def _one_of(name: str, values: list[str], default: str, text: str) -> Callable[[Any], Any]:
     """Return the option `name` that takes one of `values`."""
     return click.option(name, type=click.Choice(values), default=default, show_default=True, help=text)
-
-
-@click.command(epilog="Example: halfangle calibrate session.h5 -o area.stack.h5")
-@click.argument("session", type=FILE)
-@click.option("-o", "--output", type=FILE, help="Registered stack to write; without it the calibration is told only.")
-@click.option(
-    "--pitch",
-    type=click.FloatRange(min=0.001),
-    help="Size of a pixel of the stack, mm [default: as fine as the pictures].",
-)
-@click.option("--json", "json_file", type=FILE, help="Write the calibration's figures here too.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing while working.")
-def calibrate(session: Path, output: Path | None, pitch: float | None, json_file: Path | None, quiet: bool) -> None:
-    """Calibrate a SESSION from its own pictures and register it onto the sample plane."""
-    check_new(*(path for path in (output, json_file) if path))
-    from analysis.stages import Stages
-
-    stages = Stages(stage_announcer(quiet))
-    if output is None:
-        figures = calibration_only(session, stages)
-    else:
-        stack, figures = stack_from_session(session, output, pitch, stages)
-        _tell_stack(output, stack, figures)
-    if json_file:
-        write_json(json_file, figures)
-
-
-def calibration_only(session: Path, stages: Stages) -> dict[str, Any]:
-    """Calibrate a session as far as it goes; return the figures."""
-    from analysis.merged_frames import MergedFrames
-    from analysis.session_calibration import calibrate_session
-    from instrument.session import Session
-
-    with Session(session) as opened:
-        return calibrate_session(opened, MergedFrames(opened), stages).as_dict()
-
-
-def _tell_stack(output: Path, stack: Stack, figures: dict[str, Any]) -> None:
-    click.echo(
-        f"{output}: {stack.n_views} views of {stack.grid.width} x {stack.grid.height} pixels "
-        f"of {stack.pixel_pitch:g} mm; "
-        f"corners {figures['corner_rms_px']:.3f} px RMS, white {100 * figures['white_rms']:.2f} % RMS"
-    )
-    click.echo(budget_text(figures["error_budget_deg"]))
-
-
-def budget_text(contributions: dict[str, float]) -> str:
-    """Return what each source adds to the normals, the largest first."""
-    ordered = sorted(contributions.items(), key=lambda item: -item[1])
-    each = ", ".join(f"{name} {deg:.3f}" for name, deg in ordered)
-    return f"errors of the normals, deg per axis: {each}; {ordered[0][0]} dominates"
-
-
-def stack_from_session(
-    session: Path, output: Path, pitch: float | None, stages: Stages
-) -> tuple[Stack, dict[str, Any]]:
-    """Register a session into the file `output`; return the stack and the calibration's figures."""
-    from analysis.registration import register
-    from analysis.stack_file import read_stack
-    from instrument.session import Session
-
-    with Session(session) as opened:
-        calibration, budget = register(opened, output, pitch, stages)
-    figures = {**calibration.as_dict(), "error_budget_deg": budget.contributions}
-    return read_stack(output), figures
 
 
 @click.command(epilog="Example: halfangle reconstruct area.stack.h5 -o area.result.h5 --accuracy best")
@@ -174,7 +110,8 @@ def read_source(source: Path, registered: Path, pitch: float | None, stages: Sta
     from analysis.stack_file import is_stack, read_stack
 
     if not is_stack(source):
-        return stack_from_session(source, registered, pitch, stages)
+        stack, report = stack_from_session(source, registered, pitch, stages)
+        return stack, report.figures
     with stages.measure("reading"):
         stack = read_stack(source)
     text = stack.notes.get("calibration")

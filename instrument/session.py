@@ -165,6 +165,10 @@ class Session(BesideReader):
         """Share of clipped pixels, shape (P, E); NaN where there is no frame."""
         return self._array(layout.SATURATED_FRACTION)
 
+    def preview(self, i_pose: int) -> NDArray[np.float32]:
+        """Return a small picture of one pose, shape (h, w), counts per second."""
+        return self._array(layout.PREVIEW, i_pose)
+
     @property
     def plan_json(self) -> str:
         """The plan in canonical form."""

@@ -56,6 +56,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (made / "few.toml").write_text(PROTOCOL)
     assert run("capture", made / "few.toml", "--rig", EXAMPLES / "simulated.toml", "-o", made / "s.h5") == 0
     arguments = (made / "s.h5", "-o", made / "area.stack.h5", "--pitch", "0.6", "-q", "--json", made / "cal.json")
+    arguments = (*arguments, "--report", made / "cal.html")
     assert run("calibrate", *arguments) == 0
     rig = load_rig(EXAMPLES / "simulated.toml")
     write_truth(made / "area.stack.h5", truth_of(rig, read_stack(made / "area.stack.h5").grid))
@@ -78,12 +79,20 @@ def test_the_session_verifies(folder: Path) -> None:
     assert run("session", "verify", folder / "s.h5") == 0
 
 
+def test_the_page_of_the_calibration_shows_the_worst_view_and_where_the_camera_stood(folder: Path) -> None:
+    page = (folder / "cal.html").read_text()
+    assert page.count("data:image/png;base64,") == 10
+    for text in ("The worst view, pose", "Where the camera stood", "stage", "drift of the light", "light offset x"):
+        assert text in page
+
+
 def test_calibration_finds_what_the_simulation_was_given(folder: Path, world: World) -> None:
     found = json.loads((folder / "cal.json").read_text())
     given = tomllib.loads((EXAMPLES / "simulated.toml").read_text())["simulation"]
     assert found["corner_rms_px"] < 0.02
     assert abs(found["fx_px"] - world.camera_matrix[0, 0]) < 3.0 * found["sigma_px"]["f"]
     assert found["white_rms"] < 0.01
+    assert found["verdict"]["FAIL"] == 0, found["checks"]
     off = np.subtract(found["light_offset_mm"][:2], given["light_offset_mm"][:2])
     assert np.all(np.abs(off) < 3.0 * np.array(found["light_offset_sigma_mm"][:2]))
 

@@ -75,3 +75,4 @@ def test_the_preview_is_the_longest_exposure_that_is_not_clipped(session_path: P
         assert clipped[1] > 1e-3
         blocks = session.frames(0)[0].reshape(8, 2, 12, 2).mean(axis=(1, 3))
         np.testing.assert_allclose(file[layout.PREVIEW.path][0], (blocks - 64) / 0.01, rtol=1e-5)
+        np.testing.assert_array_equal(session.preview(0), file[layout.PREVIEW.path][0])
