@@ -182,6 +182,17 @@ def test_a_clipped_pixel_marks_the_grid_pixels_that_it_weighs_in():
     assert 1 <= marked.sum() <= 25
 
 
+def test_no_grid_pixel_is_moved_by_clipped_light_without_a_mark():
+    """A highlight a hundred times as bright as what is around it shows at weights of a thousandth."""
+    picture, saturated = np.ones((HEIGHT, WIDTH)), np.zeros((HEIGHT, WIDTH), np.bool_)
+    picture[100:130, 150:170], saturated[100:130, 150:170] = 100.0, True
+    out = on_grid(picture, "RGGB", saturated=saturated)
+    moved = np.abs(out.radiance - 1.0) > 0.03
+    assert moved.sum() > 100
+    assert out.saturated[moved].all()
+    assert not out.saturated[np.abs(out.radiance - 1.0) < 1e-4].any()
+
+
 @pytest.mark.parametrize("pitch", [0.3, 0.6, 2.0])
 def test_every_pixel_is_the_weighted_least_squares_fit_of_its_colour(pitch: float):
     """The footprint's axes come from finite differences of the projection here, distortion and all."""
