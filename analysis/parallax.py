@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
 Mask = NDArray[np.uint8]
 
-_CLIPPED_SHARE = 0.02  # a clipped sample of less weight leaves the value a value
+_CLIPPED_SHARE = 0.02  # of a value, from clipped samples, that leaves it a value
 
 
 def parallax_shift(stack: Stack, depth: Array, pixels: NDArray[np.int64] | None = None) -> Array:
@@ -124,7 +124,7 @@ def _resample(
         x0, y0 = int(np.floor(x[p])), int(np.floor(y[p]))
         w_x, w_y = _catmull_rom(x[p] - x0), _catmull_rom(y[p] - y0)
         for ch in range(n_channels):
-            value, noise, clipped = 0.0, 0.0, False
+            value, noise, clipped = 0.0, 0.0, 0.0
             for a in range(4 if inside else 0):
                 r = min(max(y0 - 1 + a, 0), height - 1) - first_row
                 for b in range(4):
@@ -136,9 +136,9 @@ def _resample(
                         if variance.size > 0:
                             noise += w * w * variance[r, c, ch]
                         if saturated.size > 0:
-                            clipped = clipped or (saturated[r, c, ch] > 0 and abs(w) > _CLIPPED_SHARE)
+                            clipped += abs(w * radiance[r, c, ch]) if saturated[r, c, ch] > 0 else 0.0
             out_radiance[p, ch] = value if inside else np.nan
             if variance.size > 0:
                 out_variance[p, ch] = noise if inside else np.nan
             if saturated.size > 0:
-                out_saturated[p, ch] = clipped
+                out_saturated[p, ch] = clipped > _CLIPPED_SHARE * abs(value)

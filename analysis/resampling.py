@@ -23,6 +23,8 @@ LANES = 128
 # Footprint's radius in sigmas; what lies beyond has 2 % of the peak weight. At the least footprint it is just
 # over 3 pixels: less, and some places see two columns of a colour only, to which no quadratic can be fitted.
 _REACH = 2.8
+# Of a value, from clipped samples, that leaves it a value. The weight alone would not do: a clipped sample may be
+# a hundred times as bright as its neighbours.
 _CLIPPED_SHARE = 0.02
 
 # Rows of a block's table of lanes.
@@ -137,7 +139,7 @@ def gather(
             for p in range(first, last):
                 if seen[p - first]:
                     radiance[p, channel], noise[p, channel] = value[p - first], variance[p - first]
-                    clipped[p, channel] = clip[p - first] > 0.0
+                    clipped[p, channel] = clip[p - first] > _CLIPPED_SHARE * abs(value[p - first])
     return radiance, noise, clipped, pixels
 
 
@@ -320,7 +322,7 @@ def _apply(
     lanes: Array, weight: Array, cell: NDArray[np.int64], fit: int, solution: Array,
     picture: Array32, signed_variance: Array32, value: Array, variance: Array, clip: Array,
 ) -> None:  # fmt: skip
-    """Write the fitted value of each lane, its variance, and 1 where a clipped sample weighs in."""
+    """Write the fitted value of each lane, its variance, and the sum of what clipped samples add, without signs."""
     value[:], variance[:], clip[:] = 0.0, 0.0, 0.0
     first_x, first_y = _firsts(lanes)
     factor, start = np.empty(LANES), np.empty((2, 2, LANES), np.int64)
@@ -355,10 +357,11 @@ def _add_samples(
         if factor[lane] == 0.0:
             continue
         var = variances[start[lane] + further]
-        value[lane] += factor[lane] * samples[start[lane] + further]
+        light = factor[lane] * samples[start[lane] + further]
+        value[lane] += light
         variance[lane] += factor[lane] * factor[lane] * abs(var)
-        if np.copysign(1.0, var) < 0.0 and abs(factor[lane]) > _CLIPPED_SHARE:
-            clip[lane] = 1.0
+        if np.copysign(1.0, var) < 0.0:
+            clip[lane] += abs(light)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})

@@ -108,6 +108,18 @@ def test_a_value_made_of_a_clipped_sample_is_a_bound_too():
     assert not followed.saturated[0, [0, 1, 3, 4]].any()
 
 
+def test_a_bright_clipped_sample_marks_values_that_it_hardly_weighs_in():
+    picture = np.ones((5, 9))
+    picture[2, 4] = 100.0
+    saturated = np.zeros((1, 5, 9, 1), np.uint8)
+    saturated[0, 2, 4] = 1
+    stack = replace(from_above(picture, (-1e9, 0.0, 1e9)), saturated=saturated)
+    followed = follow_surface(stack, np.full((5, 9), 0.02))
+    moved = np.abs(followed.radiance[0, 2, :, 0] - 1.0) > 0.03
+    assert np.flatnonzero(moved).tolist() == [3, 4, 5]
+    assert followed.saturated[0, 2, moved].all()
+
+
 def test_a_missing_sample_makes_no_more_missing_than_it_must():
     picture = np.ones((5, 9))
     picture[2, 4] = np.nan
