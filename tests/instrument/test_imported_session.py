@@ -171,7 +171,11 @@ def test_calibration_says_all_that_must_be_stated(imported: Path) -> None:
     with Session(imported) as session, pytest.raises(InvalidInputError) as caught:
         stated(session)
     text = str(caught.value)
-    for fragment in ("area_mm: is not stated", "state [light] offset_mm in capture.toml", "boards[0]: only charuco"):
+    for fragment in (
+        "area_mm: is not stated",
+        "state [light] offset_mm in capture.toml",
+        "light_offset_sigma_mm: is not",
+    ):
         assert fragment in text
 
 
