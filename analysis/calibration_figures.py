@@ -10,8 +10,9 @@ import numpy as np
 from analysis import corner_figures, light_figures
 from analysis.camera_calibration import CameraCalibration, normalised
 from analysis.coverage import Coverage
-from analysis.session_calibration import Calibration, Lighting
+from analysis.session_calibration import Calibration
 from analysis.session_facts import SessionFacts
+from analysis.session_light import Lighting
 
 
 @dataclass(frozen=True, slots=True)

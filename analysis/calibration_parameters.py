@@ -9,7 +9,8 @@ import numpy as np
 
 from analysis.camera_calibration import CameraCalibration
 from analysis.lens import LENS_NAMES
-from analysis.session_calibration import Calibration, Lighting
+from analysis.session_calibration import Calibration
+from analysis.session_light import Lighting
 
 _FALLOFF = ("light gradient x", "light gradient y", "vignetting r^2", "vignetting r^4", "lobe exponent")
 

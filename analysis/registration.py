@@ -13,15 +13,8 @@ from analysis.camera_calibration import CameraCalibration
 from analysis.error_budget import ErrorBudget, budget_of
 from analysis.merged_frames import MergedFrames
 from analysis.rectification import Grid, rectify
-from analysis.session_calibration import (
-    Calibration,
-    Lighting,
-    calibrate_session,
-    evened,
-    footprint_mm,
-    stack_geometry,
-    views_of,
-)
+from analysis.session_calibration import Calibration, calibrate_session
+from analysis.session_light import Lighting, evened, footprint_mm, stack_geometry, views_of
 from analysis.stack_file import StackWriter, read_stack
 from analysis.stages import Stages
 from analysis.stated import stated

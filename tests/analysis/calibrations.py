@@ -16,8 +16,9 @@ from analysis.light_calibration import LightOffset
 from analysis.photometry import WhiteSamples, fit_photometry
 from analysis.radiometry import RadiometryFindings
 from analysis.saturation import Saturation
-from analysis.session_calibration import Calibration, Lighting, views_of
+from analysis.session_calibration import Calibration
 from analysis.session_facts import SessionFacts
+from analysis.session_light import Lighting, views_of
 from tests.analysis.board_pictures import HEIGHT, WIDTH
 from tests.analysis.test_camera_calibration import BOARDS, POSES, TRUE, calibrated, corners_from
 

@@ -21,7 +21,7 @@ BOARDS = tuple(
     for k, corner in enumerate([(-45.0, 35.0), (25.0, 35.0), (-45.0, -15.0), (25.0, -15.0)])
 )
 TRUE = np.concatenate([corners_of(board) for board in BOARDS])
-POSES = [pose(0, 0), *(pose(t, a, 3.0 * a / t) for t in (15, 28, 40) for a in np.arange(10) * 60 + t)]
+POSES = [pose(0, 0), *(pose(t, a, 3.0 * a / t) for t in (15, 28, 40) for a in np.arange(6) * 60 + t)]
 NOISE = 0.02
 DISTORTION = (-0.12, 0.1, 0.0, 0.0, 0.0)
 

@@ -12,7 +12,7 @@ from analysis.metrics import angular_error_deg
 from analysis.pixel_samples import BLACK, TOO_FEW_VIEWS
 from analysis.reconstruction import Options, reconstruct
 from analysis.result import read_result
-from analysis.session_calibration import views_of
+from analysis.session_light import views_of
 from analysis.stack_file import read_stack
 from tests.checks.conftest import Record
 from tests.checks.simulated import PITCH_MM, Simulated
