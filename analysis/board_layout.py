@@ -69,6 +69,10 @@ class BoardLayout:
         """Return the way from its board's centre to each corner, in the sample frame, mm, shape (n, 3)."""
         return np.asarray(np.einsum("nij,nj->ni", self.rotation[self.board[corner], :, :2], self.arm[corner]))
 
+    def place(self, board: int, from_centre: Array) -> Array:
+        """Return points (n, 2) of a board, from its centre, x right and y down, in the sample frame, mm, (n, 3)."""
+        return np.asarray(self.position[board] + from_centre @ self.rotation[board, :, :2].T)
+
     def moved(self, turn: Array, shift: Array, displacement: Array) -> BoardLayout:
         """Return the layout with each board turned by a rotation vector (n_boards, 3) and all else shifted, mm."""
         return replace(
@@ -93,9 +97,3 @@ def cross_matrix(vector: Array) -> Array:
     x, y, z = np.moveaxis(vector, -1, 0)
     o = np.zeros_like(x)
     return np.stack([np.stack([o, -z, y], -1), np.stack([z, o, -x], -1), np.stack([-y, x, o], -1)], -2)
-
-
-def sample_from_board(board: Board, points: Array) -> Array:
-    """Return points (n, 2) of the board frame in the sample frame, mm, shape (n, 3), where it was to lie."""
-    x0, y0 = board.corner_mm
-    return np.stack([x0 + points[:, 0], y0 - points[:, 1], np.zeros(len(points))], axis=1)

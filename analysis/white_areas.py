@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.board_layout import sample_from_board
+from analysis.board_layout import BoardLayout
 from analysis.board_pattern import pattern
 from instrument.records import Board
 
@@ -18,7 +18,7 @@ _TEXELS_PER_SQUARE = 96
 
 
 def border_points(
-    boards: Sequence[Board], area_mm: tuple[float, float], spacing_mm: float, clearance_mm: float
+    boards: Sequence[Board], layout: BoardLayout, area_mm: tuple[float, float], spacing_mm: float, clearance_mm: float
 ) -> Array:
     """Return points between the boards, outside the area, at least `clearance_mm` from either.
 
@@ -29,7 +29,7 @@ def border_points(
     ndarray, shape (n_points, 3)
         Sample frame, mm; none if the boards leave no room.
     """
-    boxes = np.array([_extent(board) for board in boards])
+    boxes = np.array([_extent(layout.place(k, _outline(board))) for k, board in enumerate(boards)])
     x = np.arange(boxes[:, 0].min() + clearance_mm, boxes[:, 1].max() - clearance_mm, spacing_mm)
     y = np.arange(boxes[:, 2].min() + clearance_mm, boxes[:, 3].max() - clearance_mm, spacing_mm)
     xx, yy = (a.ravel() for a in np.meshgrid(x, y))
@@ -44,15 +44,20 @@ def border_points(
     return np.asarray(np.stack([xx, yy, np.zeros_like(xx)], axis=1)[~taken])
 
 
-def _extent(board: Board) -> tuple[float, float, float, float]:
-    """Left, right, bottom, top of a board in the sample frame, mm."""
-    x, y = board.corner_mm
-    across, down = (n * board.square_mm for n in board.squares)
-    return x, x + across, y - down, y
+def _outline(board: Board) -> Array:
+    """Return the corners of a board from its centre, mm, shape (4, 2)."""
+    half = 0.5 * board.square_mm * np.array(board.squares)
+    return np.asarray(half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]), np.float64)
+
+
+def _extent(outline: Array) -> tuple[float, float, float, float]:
+    """Return left, right, bottom, top of an outline in the sample frame, mm."""
+    (left, bottom), (right, top) = outline[:, :2].min(axis=0), outline[:, :2].max(axis=0)
+    return float(left), float(right), float(bottom), float(top)
 
 
 def white_points(board: Board, spacing_mm: float, clearance_mm: float, legacy: bool = False) -> Array:
-    """Return points of `board` that lie on white, at least `clearance_mm` from any black, in the sample frame.
+    """Return points of `board` that lie on white, at least `clearance_mm` from any black.
 
     Parameters
     ----------
@@ -65,7 +70,8 @@ def white_points(board: Board, spacing_mm: float, clearance_mm: float, legacy: b
 
     Returns
     -------
-    ndarray, shape (n_points, 3)
+    ndarray, shape (n_points, 2)
+        From the board's centre, x right and y down, mm.
     """
     per_square = _TEXELS_PER_SQUARE
     per_mm = per_square / board.square_mm
@@ -76,5 +82,5 @@ def white_points(board: Board, spacing_mm: float, clearance_mm: float, legacy: b
     height, width = distance.shape
     rows, columns = np.meshgrid(np.arange(step // 2, height, step), np.arange(step // 2, width, step), indexing="ij")
     keep = distance[rows, columns] >= clearance_mm
-    points = np.asarray((np.stack([columns[keep], rows[keep]], axis=1) + 0.5) / per_mm, np.float64)
-    return sample_from_board(board, points)
+    from_corner = (np.stack([columns[keep], rows[keep]], axis=1) + 0.5) / per_mm
+    return np.asarray(from_corner - 0.5 * board.square_mm * np.array(board.squares), np.float64)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.board_layout import BoardLayout
 from analysis.photometry import WhiteSamples
 from analysis.rectification import Rectified, View
 from analysis.white_areas import border_points, white_points
@@ -39,12 +40,18 @@ class WhitePoints:
 
     @classmethod
     def beside(
-        cls, boards: tuple[Board, ...], legacy: frozenset[int], area_mm: tuple[float, float], footprint_mm: float
+        cls,
+        boards: tuple[Board, ...],
+        layout: BoardLayout,
+        legacy: frozenset[int],
+        area_mm: tuple[float, float],
+        footprint_mm: float,
     ) -> WhitePoints:
-        """Choose them: `footprint_mm` is the size of a pixel on the sample."""
+        """Choose them where the boards were found; `footprint_mm` is the size of a pixel on the sample."""
         clearance = _BOARD_CLEARANCE_PX * footprint_mm
-        sheets = [white_points(b, _BOARD_SPACING_MM, clearance, k in legacy) for k, b in enumerate(boards)]
-        sheets.append(border_points(boards, area_mm, _BORDER_SPACING_MM, _BORDER_CLEARANCE_MM))
+        on_boards = [white_points(b, _BOARD_SPACING_MM, clearance, k in legacy) for k, b in enumerate(boards)]
+        sheets = [layout.place(k, points) for k, points in enumerate(on_boards)]
+        sheets.append(border_points(boards, layout, area_mm, _BORDER_SPACING_MM, _BORDER_CLEARANCE_MM))
         return cls(np.concatenate(sheets), np.repeat(np.arange(len(sheets)), [len(s) for s in sheets]))
 
 
