@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from analysis.response_check import PicturePrediction, predict_each
 from analysis.response_fit import fit_response
 from analysis.saturation import find_saturation
 from instrument.records import CameraRecord
+from instrument.session import Session
 from instrument.validation import InvalidInputError, Problem
 
 Array = NDArray[np.float64]
@@ -27,37 +28,12 @@ N_POSES = 6
 """Poses that are looked at, spread over the session."""
 
 
-class Pictures(Protocol):
-    """What is read of a session."""
-
-    @property
-    def camera(self) -> CameraRecord: ...  # noqa: D102
-    @property
-    def exposure_times(self) -> Array: ...  # noqa: D102
-    @property
-    def exposure_readback(self) -> Array: ...  # noqa: D102
-    @property
-    def frame_ok(self) -> NDArray[np.bool_]: ...  # noqa: D102
-    @property
-    def pose_complete(self) -> NDArray[np.bool_]: ...  # noqa: D102
-    @property
-    def dark(self) -> NDArray[np.float32] | None: ...  # noqa: D102
-    @property
-    def response(self) -> NDArray[np.float32] | None: ...  # noqa: D102
-    @property
-    def response_times(self) -> Array: ...  # noqa: D102
-    @property
-    def black_level_cell(self) -> Array | None: ...  # noqa: D102
-    def frames(self, i_pose: int) -> NDArray[np.uint16]: ...  # noqa: D102
-    def response_images(self, i: int) -> NDArray[np.uint16]: ...  # noqa: D102
-
-
-def survey(session: Pictures) -> Radiometry:
+def survey(session: Session) -> Radiometry:
     """Look at some poses of a session.
 
     Parameters
     ----------
-    session : Pictures
+    session : Session
         With one complete pose at least.
 
     Raises
@@ -67,11 +43,13 @@ def survey(session: Pictures) -> Radiometry:
     """
     poses = [(int(i), session.frame_ok[i]) for i in spread_poses(session.pose_complete, N_POSES)]
     response, slope, predictions = _response(session)
-    nominal = _nominal_black(session, response)
+    # One bracket tells the shape and the kind of all.
+    first = session.frames(poses[0][0])
+    nominal = _nominal_black(session, response, first)
     dark = None if response is not None else session.dark
     black = nominal if dark is None else dark
     stated = _stated_sensor(session.camera, response)
-    sensor = stated or assumed_sensor(_finite_range(session, poses), float(nominal.mean()), _step(session))
+    sensor = stated or assumed_sensor(_finite_range(session, poses), float(nominal.mean()), _step(first))
     saturation = None
     if response is None and sensor.step > 0.0:
         frames = (frame for i, ok in poses for frame in session.frames(i)[ok])
@@ -101,7 +79,7 @@ def survey(session: Pictures) -> Radiometry:
     return Radiometry(sensor, black, response, factors, findings)
 
 
-def _response(session: Pictures) -> tuple[Response | None, float, tuple[PicturePrediction, ...]]:
+def _response(session: Session) -> tuple[Response | None, float, tuple[PicturePrediction, ...]]:
     """Return the curve that a session has, or the one that its bracket gives with what that says of itself."""
     given, times = session.response, session.response_times
     if given is not None:
@@ -117,9 +95,9 @@ def _response(session: Pictures) -> tuple[Response | None, float, tuple[PictureP
     return fit.response, fit.slope, predict_each(eight_bit, times, fit.smoothness)
 
 
-def _nominal_black(session: Pictures, response: Response | None) -> Array:
+def _nominal_black(session: Session, response: Response | None, first: NDArray[Any]) -> Array:
     """Return the stated black level of each place of the cell; linear light has none."""
-    shape = cell_shape(session.frames(int(np.flatnonzero(session.pose_complete)[0])))
+    shape = cell_shape(first)
     if response is not None:
         return np.zeros(shape)
     cell = session.black_level_cell
@@ -136,12 +114,11 @@ def _stated_sensor(camera: CameraRecord, response: Response | None) -> Sensor | 
     return Sensor(camera.saturation_value, camera.conversion_gain, camera.read_noise, step)
 
 
-def _step(session: Pictures) -> float:
-    first = session.frames(int(np.flatnonzero(session.pose_complete)[0]))
+def _step(first: NDArray[Any]) -> float:
     return 1.0 if np.issubdtype(first.dtype, np.integer) else 0.0
 
 
-def _finite_range(session: Pictures, poses: list[tuple[int, NDArray[np.bool_]]]) -> float:
+def _finite_range(session: Session, poses: list[tuple[int, NDArray[np.bool_]]]) -> float:
     """Return the counts at which the camera clips, or the largest ones where it does not."""
     nominal = session.camera.saturation_value
     if np.isfinite(nominal):
@@ -150,7 +127,7 @@ def _finite_range(session: Pictures, poses: list[tuple[int, NDArray[np.bool_]]])
 
 
 def _sampled(
-    session: Pictures, i: int, ok: NDArray[np.bool_], sensor: Sensor, black: NDArray[Any], response: Response | None
+    session: Session, i: int, ok: NDArray[np.bool_], sensor: Sensor, black: NDArray[Any], response: Response | None
 ) -> FrameSamples:
     dark = black[ok] if black.ndim > 2 else black
     frames = linear_counts(session.frames(i)[ok], response)

@@ -55,7 +55,7 @@ class StackWriter:
 
     def __init__(self, path: Path, stack: Stack) -> None:
         if path.exists():
-            raise FileExistsError(f"{path} exists and is not overwritten")
+            raise FileExistsError(f"{path} exists and is not overwritten; choose another name, or remove it first")
         self._path, self._part = path, path.with_name(f".{path.name}.part")
         self._file = h5py.File(self._part, "w")
         self._file.attrs.update({"NX_class": "NXroot", "default": "entry", "creator": "halfangle"})

@@ -67,7 +67,7 @@ class Finder:
         """Return the pictures that fit `pattern`, in the order of their names."""
         try:
             found = [path for path in self.folder.glob(pattern) if path.is_file() and is_picture(path)]
-        except (NotImplementedError, ValueError) as error:
+        except (NotImplementedError, ValueError) as error:  # what pathlib raises for patterns like /x and **x
             self.complain(key, f"{pattern!r} cannot be used: {error}")
             return []
         return sorted(found, key=lambda path: natural_order(self.name(path)))

@@ -30,10 +30,11 @@ class ResponseConfig(Settings):
     @field_validator("gamma", mode="before")
     @classmethod
     def _known_gamma(cls, gamma: object) -> object:
-        is_number = isinstance(gamma, int | float) and not isinstance(gamma, bool)
-        if gamma != "srgb" and not (is_number and 0.2 <= gamma <= 5.0):  # type: ignore[operator]  # a number by now
-            raise ValueError('allowed: a number from 0.2 to 5, or "srgb"')
-        return gamma
+        if isinstance(gamma, int | float) and not isinstance(gamma, bool) and 0.2 <= gamma <= 5.0:
+            return gamma
+        if gamma == "srgb":
+            return gamma
+        raise ValueError('allowed: a number from 0.2 to 5, or "srgb"')
 
     @model_validator(mode="after")
     def _exactly_one(self) -> ResponseConfig:
