@@ -147,7 +147,10 @@ def print_displacements(camera: CameraCalibration) -> bytes:
             axes.quiver(*place.T, *in_plane.T, angles="xy", scale_units="xy", scale=longest / pitch, width=0.006)
             axes.set_title(f"board {b}: up to {longest:.3g} µm")
             axes.set(aspect="equal", xticks=[], yticks=[])
+            # Arrows do not count when axes choose their limits.
+            axes.update_datalim(place + in_plane * pitch / longest)
             axes.margins(0.15)
+            axes.autoscale_view()
             figure.colorbar(shown, ax=axes, shrink=0.7, label="up (µm)" if (b + 1) % columns == 0 else "")
         return png(figure)
 

@@ -8,11 +8,19 @@ from typing import Any
 import cv2
 import numpy as np
 import OpenEXR
+import pytest
 import tifffile
 from numpy.typing import NDArray
 from PIL import Image
 
+from instrument.pictures.importing import prepare_import
+from instrument.pictures.writing import write_import
+from instrument.session import Session
+from instrument.validation import InvalidInputError
+from instrument.verify import verify_session
+
 H, W = 48, 64
+TIMES = (0.01, 0.1)
 
 # Tags of EXIF and DNG that tifffile writes as they are.
 EXPOSURE_TIME, F_NUMBER, ISO, MAKE, MODEL = 33434, 33437, 34855, 271, 272
@@ -93,3 +101,17 @@ def write_capture(folder: Path, text: str) -> Path:
     path = folder / "capture.toml"
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def imported(folder: Path, text: str = 'name = "leaf"\n') -> Session:
+    """Import a folder; the session verifies."""
+    write_import(prepare_import(folder, write_capture(folder, text)), folder / "s.h5")
+    assert list(verify_session(folder / "s.h5")) == []
+    return Session(folder / "s.h5")
+
+
+def refused(folder: Path, text: str) -> str:
+    """Return what an import is refused with."""
+    with pytest.raises(InvalidInputError) as caught:
+        prepare_import(folder, write_capture(folder, text))
+    return str(caught.value)
