@@ -57,10 +57,6 @@ class BoardLayout:
         """Which boards have a place, shape (n_boards,)."""
         return np.asarray(np.isfinite(self.position).all(axis=1))
 
-    def first(self, board: int) -> int:
-        """Return the number of a board's first corner."""
-        return int(np.searchsorted(self.board, board))
-
     def points(self, corner: NDArray[np.int64]) -> Array:
         """Return corners in the sample frame, mm, shape (n, 3)."""
         return np.asarray(self.arms(corner) + self.position[self.board[corner]] + self.displacement[corner])

@@ -94,7 +94,7 @@ def gross_shape(
     shift = np.linalg.norm(parallax_shift(stack, np.ones_like(depth), pixels), axis=-1)
     step = _STEP_PX / float(np.percentile(shift, 99))
     total, b = start.coefficients, _basis(stack, pixels)
-    block = _blocks(stack, pixels)
+    block = stack.grid.blocks(pixels, _BLOCKS)
     sigma = np.full(N_TERMS, np.inf)
     normals: Array | None = None
     for _ in range(_ROUNDS):
@@ -140,8 +140,3 @@ def _basis(stack: Stack, pixels: NDArray[np.int64]) -> Array:
     half = 0.5 * max(grid.height, grid.width) * grid.pitch
     x, y = (grid.points_of(pixels)[:, :2] / half).T
     return np.stack([np.ones_like(x), x, y, 0.5 * (x * x + y * y)], axis=1)
-
-
-def _blocks(stack: Stack, pixels: NDArray[np.int64]) -> NDArray[np.int64]:
-    rows, columns = np.divmod(pixels, stack.grid.width)
-    return np.asarray(rows * _BLOCKS // stack.grid.height * _BLOCKS + columns * _BLOCKS // stack.grid.width)

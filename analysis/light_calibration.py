@@ -143,7 +143,7 @@ def estimate_light_offset(
         method="Nelder-Mead",
         options={"initial_simplex": simplex, "xatol": 0.02, "fatol": 0.1, "maxfev": 60},
     )
-    scatter = _sigma_at(losses, found.x, _blocks(stack, problem.pixels))
+    scatter = _sigma_at(losses, found.x, stack.grid.blocks(problem.pixels, _BLOCKS))
     distance = float(np.median(np.linalg.norm(stack.camera_position, axis=1)))
     model = distance * (MODEL_ERROR_FLAT if depth is None else MODEL_ERROR)
     # What is known beforehand is known afterwards.
@@ -227,12 +227,6 @@ def _highlight_contrast(problem: PixelProblem) -> Array:
     with np.errstate(invalid="ignore", divide="ignore"):
         typical = np.nanmedian(brightness, axis=0)
         return np.asarray(np.where(typical > 0.0, np.nanmax(brightness, axis=0) / typical, np.nan))
-
-
-def _blocks(stack: Stack, pixels: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the number of the square of the area, `_BLOCKS` a side, that each pixel lies in."""
-    rows, columns = np.divmod(pixels, stack.grid.width)
-    return np.asarray(rows * _BLOCKS // stack.grid.height * _BLOCKS + columns * _BLOCKS // stack.grid.width)
 
 
 def _sigma_at(losses: Callable[[Array], Array], minimum: Array, block: NDArray[np.int64]) -> Array:

@@ -46,6 +46,11 @@ class Grid:
         xx, yy = np.meshgrid(x, y)
         return np.stack([xx, yy, np.zeros_like(xx) if depth is None else depth], axis=-1)
 
+    def blocks(self, pixels: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+        """Return the number of the part of the area, `n` parts a side, that each pixel (flat index) lies in."""
+        rows, columns = np.divmod(pixels, self.width)
+        return np.asarray(rows * n // self.height * n + columns * n // self.width)
+
     def points_of(self, pixels: NDArray[np.int64], depth: Array | None = None) -> Array:
         """Return the centres of some pixels (flat indices) as `points` does, shape (P, 3)."""
         i, j = np.divmod(pixels, self.width)
