@@ -9,6 +9,18 @@ class DeviceTimeoutError(DeviceError, TimeoutError):
     """A device did not answer within its time limit."""
 
 
+class DeviceLostError(DeviceError, ConnectionError):
+    """A device that was there is gone: unplugged, without power, or its port is closed."""
+
+
+class UnsafeError(DeviceError):
+    """Trying again would not help and might do harm: somebody has to look at the rig."""
+
+
+class CancelledError(Exception):
+    """A wait was called off by whoever runs the rig; no device failed."""
+
+
 class DeviceLimitError(DeviceError, ValueError):
     """A setting or a position outside what the device allows."""
 

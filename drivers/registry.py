@@ -5,14 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from difflib import get_close_matches
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 from drivers.camera import Camera
+from drivers.clock import Clock, RealClock
 from drivers.errors import DeviceError, DriverNotFoundError
 from drivers.light import Light
 from drivers.stage import Stage
 
-Devices = tuple[Camera, Light, Stage]
+
+class Devices(NamedTuple):
+    """The devices of a rig, and the clock that its seconds are counted by."""
+
+    camera: Camera
+    light: Light
+    stage: Stage
+    clock: Clock = RealClock()
+
 
 KINDS = ("camera", "light", "stage")
 SIMULATED = "simulated"
@@ -40,8 +49,8 @@ def open_devices(rig: Mapping[str, Any]) -> Devices:
         _check_known(kind, name)
     _check_one_world(names)
     devices = import_module("drivers.simulated.devices")
-    _, camera, light, stage = devices.open_simulated(rig)
-    return camera, light, stage
+    world, camera, light, stage = devices.open_simulated(rig)
+    return Devices(camera, light, stage, world.clock)
 
 
 def _check_known(kind: str, name: str) -> None:

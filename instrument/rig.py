@@ -7,15 +7,19 @@ import signal
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from threading import Event
 from typing import Any
 
 from drivers.camera import Camera
-from drivers.errors import DeviceError
+from drivers.clock import Clock, RealClock, sleep_unless
+from drivers.errors import CancelledError, DeviceError, UnsafeError
 from drivers.light import Light
 from drivers.registry import Devices, open_devices
 from drivers.stage import Stage
+from instrument.bounded import BoundedCamera, BoundedLight, BoundedStage
 from instrument.rig_config import RigConfig
+from instrument.rig_lock import hold
 
 _log = logging.getLogger(__name__)
 
@@ -24,12 +28,25 @@ OpenDevices = Callable[[Mapping[str, Any]], Devices]
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """Connected devices and the configuration that they were opened with."""
+    """Connected devices and the configuration that they were opened with.
+
+    Attributes
+    ----------
+    config : RigConfig
+    camera, light, stage : Camera, Light, Stage
+        Every call of theirs ends in bounded time where the rig was opened by `open` or `connected`.
+    clock : Clock
+        Whose seconds the devices live by.
+    cancel : threading.Event
+        Set it from any thread to end every wait on the rig with `CancelledError`.
+    """
 
     config: RigConfig
     camera: Camera
     light: Light
     stage: Stage
+    clock: Clock = field(default_factory=RealClock)
+    cancel: Event = field(default_factory=Event)
 
     @classmethod
     @contextmanager
@@ -47,15 +64,86 @@ class Rig:
 
     @classmethod
     @contextmanager
-    def connected(cls, config: RigConfig, devices: OpenDevices = open_devices) -> Iterator[Rig]:
-        """Connect all devices or none, without a motion; else as `open`."""
-        rig = cls(config, *devices(config.model_dump(exclude_none=True)))
-        with ExitStack() as stack:
+    def connected(
+        cls, config: RigConfig, devices: OpenDevices = open_devices, cancel: Event | None = None
+    ) -> Iterator[Rig]:
+        """Connect all devices or none, without a motion; else as `open`.
+
+        Raises
+        ------
+        RigBusyError
+            If another process holds the rig.
+        """
+        with hold(config.name), ExitStack() as stack:
+            rig = cls._bounded(config, devices, cancel or Event())
             for device in (rig.light, rig.stage, rig.camera):
                 stack.callback(_disconnect, device)
                 device.connect()
+            rig.check_serial_numbers(config.serial_numbers)
             with rig._leaving_safe():
                 yield rig
+
+    @classmethod
+    def _bounded(cls, config: RigConfig, devices: OpenDevices, cancel: Event) -> Rig:
+        camera, light, stage, clock = Devices(*devices(config.model_dump(exclude_none=True)))
+        bounded = BoundedCamera(camera, cancel), BoundedLight(light, cancel), BoundedStage(stage, cancel)
+        return cls(config, *bounded, clock, cancel)
+
+    @property
+    def serial_numbers(self) -> dict[str, str]:
+        """Serial number of each connected device."""
+        return {
+            "camera": self.camera.describe().serial_number,
+            "light": self.light.describe().serial_number,
+            "stage": self.stage.describe().serial_number,
+        }
+
+    def check_serial_numbers(self, expected: Mapping[str, str]) -> None:
+        """Refuse devices that were swapped.
+
+        Parameters
+        ----------
+        expected : mapping of str to str
+            Serial number by kind; a kind that is not named may be any.
+
+        Raises
+        ------
+        UnsafeError
+            Names every device that is another one.
+        """
+        connected = self.serial_numbers
+        swapped = [
+            f"the {kind} is {connected[kind]!r} and should be {serial!r}"
+            for kind, serial in expected.items()
+            if connected[kind] != serial
+        ]
+        if swapped:
+            raise UnsafeError(f"{'; '.join(swapped)}. Connect the devices that the capture began with, or begin anew")
+
+    def reconnect(self, expected: Mapping[str, str]) -> None:
+        """Close every device and open it again; see `check_serial_numbers` for `expected`.
+
+        Raises
+        ------
+        DeviceError
+            If one does not come back, or another came in its place.
+        """
+        for device in (self.camera, self.stage, self.light):
+            _disconnect(device)
+        for device in (self.light, self.stage, self.camera):
+            device.connect()
+        self.check_serial_numbers(expected)
+
+    def wait(self, seconds: float) -> None:
+        """Let `seconds` of the rig's clock pass.
+
+        Raises
+        ------
+        CancelledError
+            If `cancel` is set meanwhile.
+        """
+        if not sleep_unless(self.cancel, self.clock, seconds):
+            raise CancelledError("the wait was called off")
 
     def safe(self) -> tuple[str, ...]:
         """Light off, stage stopped, camera stopped: each is tried, whatever happens to the others.

@@ -20,6 +20,7 @@ class CameraConfig(Settings):
     """`[camera]`: the driver and the lens."""
 
     driver: Driver = Field(description="which driver talks to the camera")
+    serial_number: str | None = Field(default=None, description="the one device allowed; any if not given")
     width: int = Field(ge=16, le=16384, multiple_of=2, description="pixels across a raw frame")
     height: int = Field(ge=16, le=16384, multiple_of=2, description="pixels down a raw frame")
     focal_length_px: Positive = Field(description="nominal focal length in pixels")
@@ -29,6 +30,7 @@ class LightConfig(Settings):
     """`[light]`: the driver, where the light stands, how bright it shines."""
 
     driver: Driver = Field(description="which driver talks to the light")
+    serial_number: str | None = Field(default=None, description="the one device allowed; any if not given")
     offset_mm: Vector = Field(description="from the lens, in the camera frame (x right, y down, z forward), mm")
     offset_sigma_mm: Positive = Field(description="standard deviation of each part of offset_mm, mm")
     level: float = Field(default=1.0, gt=0, le=1, description="relative brightness")
@@ -38,6 +40,7 @@ class StageConfig(Settings):
     """`[stage]`: the driver."""
 
     driver: Driver = Field(description="which driver talks to the stage")
+    serial_number: str | None = Field(default=None, description="the one device allowed; any if not given")
 
 
 class GeometryConfig(Settings):
@@ -84,6 +87,12 @@ class RigConfig(SettingsFile):
     geometry: GeometryConfig
     boards: tuple[BoardConfig, ...] = ()
     simulation: SimulationConfig = SimulationConfig()
+
+    @property
+    def serial_numbers(self) -> dict[str, str]:
+        """Serial number of each device that is named by one."""
+        stated = {kind: getattr(self, kind).serial_number for kind in ("camera", "light", "stage")}
+        return {kind: serial for kind, serial in stated.items() if serial is not None}
 
     @model_validator(mode="after")
     def _parts_fit(self) -> RigConfig:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.camera import CameraDescription, Frame
+from drivers.clock import sleep_unless
 from drivers.errors import DeviceError
 from drivers.limits import Limits
-from drivers.simulated.clock import sleep_unless
 from drivers.simulated.seeding import position_key, rng_for
 from drivers.simulated.sensor import mosaic
 from drivers.simulated.world import World

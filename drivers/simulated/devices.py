@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from drivers.clock import Clock
 from drivers.simulated.camera import SimulatedCamera
-from drivers.simulated.clock import Clock
 from drivers.simulated.light import SimulatedLight
 from drivers.simulated.stage import SimulatedStage
 from drivers.simulated.world import World

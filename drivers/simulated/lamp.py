@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from drivers.simulated.clock import Clock
+from drivers.clock import Clock
 
 _COLD_C, _WARM_C = 24.0, 41.0
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from threading import Event
 
+from drivers.clock import LONGEST_NAP, sleep_unless
 from drivers.errors import DeviceError, DeviceLimitError
 from drivers.limits import Limits
-from drivers.simulated.clock import LONGEST_NAP, sleep_unless
 from drivers.simulated.world import World
 from drivers.stage import AxisDescription, StageDescription
 

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drivers.clock import Clock
 from drivers.simulated import truth
-from drivers.simulated.clock import Clock, VirtualClock
+from drivers.simulated.clock import VirtualClock
 from drivers.simulated.geometry import (
     Matrix,
     camera_from_lab,

@@ -2,7 +2,8 @@ from threading import Event
 
 import pytest
 
-from drivers.simulated.clock import Clock, RealClock, VirtualClock, sleep_unless
+from drivers.clock import Clock, RealClock, sleep_unless
+from drivers.simulated.clock import VirtualClock
 
 
 @pytest.mark.parametrize("clock", [VirtualClock(), RealClock()])

@@ -4,9 +4,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drivers.clock import RealClock
 from drivers.errors import DeviceError
 from drivers.simulated.camera import SimulatedCamera
-from drivers.simulated.clock import RealClock
 from drivers.simulated.devices import open_simulated
 from drivers.simulated.light import SimulatedLight
 from drivers.simulated.stage import SimulatedStage

@@ -15,10 +15,10 @@ from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
 from drivers.camera import Frame
+from drivers.clock import RealClock
 from drivers.errors import DeviceError
 from drivers.registry import Devices
 from drivers.simulated.camera import SimulatedCamera
-from drivers.simulated.clock import RealClock
 from drivers.simulated.devices import open_simulated
 from drivers.simulated.world import World
 from gui import acquisition
