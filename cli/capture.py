@@ -14,6 +14,8 @@ import click
 if TYPE_CHECKING:
     from protocols.engine import Outcome, Progress
 
+MOST_WARNINGS = 5
+
 rig_option = click.option(
     "--rig", required=True, type=click.Path(path_type=Path), help="The rig: devices, geometry, boards (TOML)."
 )
@@ -70,8 +72,14 @@ def _bar(description: str) -> Iterator[Callable[[Progress], None]]:
 
 
 def _conclude(outcome: Outcome) -> None:
-    from protocols.engine import State
+    from protocols.engine import Finish
 
+    for warning in outcome.warnings[:MOST_WARNINGS]:
+        click.echo(f"warning: {warning}", err=True)
+    if len(outcome.warnings) > MOST_WARNINGS:
+        click.echo(f"warning: and {len(outcome.warnings) - MOST_WARNINGS} more, in the session's journal", err=True)
     click.echo(f"{outcome.path}: {outcome.n_complete} of {outcome.n_poses} poses, {outcome.message}")
-    if outcome.state is not State.SAFE:
+    if outcome.finish is not Finish.COMPLETE:
         sys.exit(1)
+    if outcome.warnings:
+        sys.exit(3)

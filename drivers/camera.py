@@ -31,6 +31,8 @@ class CameraDescription:
         Standard deviation of the read-out in electrons.
     exposure_time_limits : Limits
         Seconds.
+    firmware : str
+        Its version, as the device says it; ``""`` where it does not.
     """
 
     make: str
@@ -45,6 +47,7 @@ class CameraDescription:
     conversion_gain: float
     read_noise: float
     exposure_time_limits: Limits
+    firmware: str = ""
 
 
 @dataclass(frozen=True, slots=True)

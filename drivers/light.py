@@ -16,6 +16,7 @@ class LightDescription:
     model: str
     serial_number: str
     level_limits: Limits
+    firmware: str = ""
 
 
 @dataclass(frozen=True, slots=True)

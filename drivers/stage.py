@@ -43,6 +43,7 @@ class StageDescription:
     model: str
     serial_number: str
     axes: tuple[AxisDescription, ...]
+    firmware: str = ""
 
 
 @runtime_checkable

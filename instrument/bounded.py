@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from drivers.camera import Camera, CameraDescription, Frame
 from drivers.clock import LONGEST_NAP
-from drivers.errors import CancelledError, DeviceTimeoutError
+from drivers.errors import CancelledError, DeviceError, DeviceTimeoutError
 from drivers.light import Light, LightDescription, LightState
 from drivers.stage import Stage, StageDescription
 
@@ -34,6 +34,9 @@ HOME_LIMIT = 180.0
 """Seconds to find every axis' zero from anywhere."""
 
 Result = TypeVar("Result")
+
+Note = Callable[..., None]
+"""Takes an event and its details by name, for the log; see `instrument.audit`."""
 
 
 def within(seconds: float, what: str, call: Callable[[], Result], cancel: Event | None = None) -> Result:
@@ -87,110 +90,135 @@ def _check_wait(seconds: float, deadline: float, what: str, cancel: Event | None
         )
 
 
-class BoundedCamera:
+class _Bounded:
+    """What the three have in common: limits, a way to be called off, and a log of what failed."""
+
+    def __init__(self, kind: str, cancel: Event, note: Note) -> None:
+        self._kind, self._cancel, self._note = kind, cancel, note
+
+    def _do(self, seconds: float, what: str, call: Callable[[], Result]) -> Result:
+        return self._noted(seconds, what, call, self._cancel)
+
+    def _do_whatever_happens(self, seconds: float, what: str, call: Callable[[], Result]) -> Result:
+        """Return what `call` returns; nobody can call this off."""
+        return self._noted(seconds, what, call, None)
+
+    def _noted(self, seconds: float, what: str, call: Callable[[], Result], cancel: Event | None) -> Result:
+        try:
+            return within(seconds, f"{self._kind}: {what}", call, cancel)
+        except DeviceError as error:
+            self._note("device failed", device=self._kind, what=what, why=str(error))
+            raise
+
+
+class BoundedCamera(_Bounded):
     """A camera whose calls end; see `within`."""
 
-    def __init__(self, camera: Camera, cancel: Event) -> None:
-        self._camera, self._cancel = camera, cancel
+    def __init__(self, camera: Camera, cancel: Event, note: Note) -> None:
+        super().__init__("camera", cancel, note)
+        self._camera = camera
         self._exposure_time = 0.0
 
     def connect(self) -> None:
         """Open the device; safe to call twice."""
-        within(CONNECT_LIMIT, "camera: connect", self._camera.connect, self._cancel)
+        self._do(CONNECT_LIMIT, "connect", self._camera.connect)
 
     def disconnect(self) -> None:
         """Close the device; safe to call twice, and without `connect`."""
-        within(CONNECT_LIMIT, "camera: disconnect", self._camera.disconnect)
+        self._do_whatever_happens(CONNECT_LIMIT, "disconnect", self._camera.disconnect)
 
     def describe(self) -> CameraDescription:
         """Return what the connected camera is."""
-        return within(COMMAND_LIMIT, "camera: describe", self._camera.describe, self._cancel)
+        return self._do(COMMAND_LIMIT, "describe", self._camera.describe)
 
     def set_exposure_time(self, exposure_time: float) -> float:
         """Set the exposure time in seconds; return what the camera reads back."""
-        what = "camera: set the exposure time"
-        read_back = within(COMMAND_LIMIT, what, lambda: self._camera.set_exposure_time(exposure_time), self._cancel)
         self._exposure_time = exposure_time
-        return read_back
+        return self._do(COMMAND_LIMIT, "set the exposure time", lambda: self._camera.set_exposure_time(exposure_time))
 
     def trigger(self) -> Frame:
         """Expose once and return the frame."""
-        limit = self._exposure_time + FRAME_MARGIN
-        return within(limit, "camera: the frame", self._camera.trigger, self._cancel)
+        return self._do(self._exposure_time + FRAME_MARGIN, "take a frame", self._camera.trigger)
 
     def stop(self) -> None:
         """End any exposure under way."""
-        within(COMMAND_LIMIT, "camera: stop", self._camera.stop)
+        self._do_whatever_happens(COMMAND_LIMIT, "stop", self._camera.stop)
 
 
-class BoundedLight:
-    """A light whose calls end; see `within`."""
+class BoundedLight(_Bounded):
+    """A light whose calls end, and of which every command is noted; see `within`."""
 
-    def __init__(self, light: Light, cancel: Event) -> None:
-        self._light, self._cancel = light, cancel
+    def __init__(self, light: Light, cancel: Event, note: Note) -> None:
+        super().__init__("light", cancel, note)
+        self._light = light
 
     def connect(self) -> None:
         """Open the device, dark; safe to call twice."""
-        within(CONNECT_LIMIT, "light: connect", self._light.connect, self._cancel)
+        self._do(CONNECT_LIMIT, "connect", self._light.connect)
 
     def disconnect(self) -> None:
         """Switch off and close; safe to call twice, and without `connect`."""
-        within(CONNECT_LIMIT, "light: disconnect", self._light.disconnect)
+        self._do_whatever_happens(CONNECT_LIMIT, "disconnect", self._light.disconnect)
 
     def describe(self) -> LightDescription:
         """Return what the connected light is."""
-        return within(COMMAND_LIMIT, "light: describe", self._light.describe, self._cancel)
+        return self._do(COMMAND_LIMIT, "describe", self._light.describe)
 
     def on(self, level: float, max_seconds: float) -> LightState:
         """Shine at `level` for at most `max_seconds`, then go dark unless told again."""
-        return within(COMMAND_LIMIT, "light: on", lambda: self._light.on(level, max_seconds), self._cancel)
+        # Before the command: if all ends with it, the log still says what was meant to shine.
+        self._note("light on", level=level, max_seconds=max_seconds)
+        return self._do(COMMAND_LIMIT, "on", lambda: self._light.on(level, max_seconds))
 
     def off(self) -> LightState:
-        """Go dark and confirm it; nothing calls this off."""
-        return within(COMMAND_LIMIT, "light: off", self._light.off)
+        """Go dark and confirm it."""
+        state = self._do_whatever_happens(COMMAND_LIMIT, "off", self._light.off)
+        self._note("light off", lit=state.lit)
+        return state
 
     def read(self) -> LightState:
         """Return the state as the device reports it."""
-        return within(COMMAND_LIMIT, "light: read", self._light.read, self._cancel)
+        return self._do(COMMAND_LIMIT, "read", self._light.read)
 
 
-class BoundedStage:
-    """A stage whose calls end; see `within`."""
+class BoundedStage(_Bounded):
+    """A stage whose calls end, and of which every motion is noted; see `within`."""
 
-    def __init__(self, stage: Stage, cancel: Event) -> None:
-        self._stage, self._cancel = stage, cancel
+    def __init__(self, stage: Stage, cancel: Event, note: Note) -> None:
+        super().__init__("stage", cancel, note)
+        self._stage = stage
 
     def connect(self) -> None:
         """Open the device, at rest; safe to call twice."""
-        within(CONNECT_LIMIT, "stage: connect", self._stage.connect, self._cancel)
+        self._do(CONNECT_LIMIT, "connect", self._stage.connect)
 
     def disconnect(self) -> None:
         """Stop and close; safe to call twice, and without `connect`."""
-        within(CONNECT_LIMIT, "stage: disconnect", self._stage.disconnect)
+        self._do_whatever_happens(CONNECT_LIMIT, "disconnect", self._stage.disconnect)
 
     def describe(self) -> StageDescription:
         """Return what the connected stage is."""
-        return within(COMMAND_LIMIT, "stage: describe", self._stage.describe, self._cancel)
+        return self._do(COMMAND_LIMIT, "describe", self._stage.describe)
 
     def home(self) -> None:
         """Find the zero of every axis."""
-        within(HOME_LIMIT, "stage: home", self._stage.home, self._cancel)
+        self._note("home")
+        self._do(HOME_LIMIT, "home", self._stage.home)
 
     def move(self, target: Mapping[str, float]) -> dict[str, float]:
         """Move the named axes, wait until they rest, return every axis' read-back."""
+        self._note("move", **target)
         limit = 1.5 * self.move_duration(target) + MOVE_MARGIN
-        return within(limit, "stage: the motion", lambda: self._stage.move(target), self._cancel)
+        return self._do(limit, "move", lambda: self._stage.move(target))
 
     def move_duration(self, target: Mapping[str, float]) -> float:
         """Return the seconds that `move` would take from here, settling included."""
-        return within(
-            COMMAND_LIMIT, "stage: estimate a motion", lambda: self._stage.move_duration(target), self._cancel
-        )
+        return self._do(COMMAND_LIMIT, "estimate a motion", lambda: self._stage.move_duration(target))
 
     def read(self) -> dict[str, float]:
         """Return the position of every axis as the device reports it."""
-        return within(COMMAND_LIMIT, "stage: read", self._stage.read, self._cancel)
+        return self._do(COMMAND_LIMIT, "read", self._stage.read)
 
     def stop(self) -> None:
         """Halt every axis now."""
-        within(COMMAND_LIMIT, "stage: stop", self._stage.stop)
+        self._do_whatever_happens(COMMAND_LIMIT, "stop", self._stage.stop)

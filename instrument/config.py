@@ -45,7 +45,12 @@ def load_protocol(path: Path | str) -> ProtocolConfig:
     InvalidInputError
         With every problem found, each at ``file:line``.
     """
-    return load_settings(ProtocolConfig, Path(path))
+    protocol = load_settings(ProtocolConfig, Path(path))
+    kept = protocol.darks_and_flats
+    if kept is None:
+        return protocol
+    beside = kept.model_copy(update={"session": str(Path(path).parent / kept.session)})
+    return protocol.model_copy(update={"darks_and_flats": beside})
 
 
 def load_settings(model: type[Config], path: Path, misfits: Misfits | None = None) -> Config:

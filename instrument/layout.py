@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-SCHEMA_VERSION = "1.1"
+SCHEMA_VERSION = "1.2"
 SCHEMA_ATTRIBUTE = "halfangle_schema"
 
 # Sizes that no real session exceeds; a file that claims more is refused before memory is taken.
@@ -77,6 +77,7 @@ JOURNAL = f"{ENTRY}/journal"
 QUALITY = f"{ENTRY}/quality"
 RAW = f"{ENTRY}/raw"
 OVERVIEW = f"{ENTRY}/overview"
+REFERENCE_GROUP = f"{ENTRY}/reference"
 PROCESS = f"{ENTRY}/process_capture"
 
 TITLE = Field(f"{ENTRY}/title", "str")
@@ -104,6 +105,7 @@ SENSOR_TEMPERATURE = Field(f"{CAMERA}/sensor_temperature", "f8", ("P", "E"), "de
 DARK = Field(f"{CAMERA}/dark", "f4", ("E", "H", "W", "C?"), "counts", optional=True)
 DARK_VARIANCE = Field(f"{CAMERA}/dark_variance", "f4", ("E", "H", "W", "C?"), "counts^2", optional=True)
 DARK_TIMESTAMP = Field(f"{CAMERA}/dark_timestamp", "f8", ("E",), "s", optional=True)
+DARK_TEMPERATURE = Field(f"{CAMERA}/dark_temperature", "f8", ("E",), "degC", optional=True)
 FLAT = Field(f"{CAMERA}/flat", "f4", ("H", "W"), optional=True)
 BLACK_LEVEL_CELL = Field(f"{CAMERA}/black_level_cell", "f8", (2, 2), "counts", optional=True)
 RESPONSE = Field(f"{CAMERA}/response", "f4", ("K", "L"), optional=True)
@@ -143,10 +145,14 @@ ORDER = Field(f"{PLAN}/order", "i8", ("P",))
 POSE_COMPLETE = Field(f"{JOURNAL}/pose_complete", "u1", ("P",))
 ATTEMPTS = Field(f"{JOURNAL}/attempts", "u2", ("P",))
 POSE_DIGEST = Field(f"{JOURNAL}/pose_digest", "S64", ("P",))
-EVENTS = Field(f"{JOURNAL}/events", "str", ("*",))
+# Of fixed length: a text of any length lies apart from what points to it, and a kill between the two leaves a file that
+# can crash the library when it is written again.
+EVENTS = Field(f"{JOURNAL}/events", "S1024", ("*",))
+LONGEST_EVENT = 1024
 
 SATURATED_FRACTION = Field(f"{QUALITY}/saturated_fraction", "f8", ("P", "E"))
 BLACK_FRACTION = Field(f"{QUALITY}/black_fraction", "f8", ("P", "E"))
+REFERENCE = Field(f"{REFERENCE_GROUP}/patch", "f8", ("P",), "counts/s", optional=True)
 PREVIEW = Field(f"{OVERVIEW}/preview", "f4", ("P", "h", "w"), "counts/s")
 
 PROGRAM = Field(f"{PROCESS}/program", "str")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,8 @@ class PoseRecord:
         Read-back of each axis in degrees or millimetres.
     attempts : int
         How many times the pose was begun.
+    reference : float
+        Brightness of the reference patch, counts per second; NaN if not measured.
     """
 
     i_exposure: NDArray[np.int64]
@@ -44,3 +47,4 @@ class PoseRecord:
     light_temperature: NDArray[np.float64]
     positions: Mapping[str, float]
     attempts: int
+    reference: float = nan

@@ -3,25 +3,51 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from instrument.settings import Positive, Settings, SettingsFile
+from instrument.settings import NonNegative, Positive, Settings, SettingsFile
+
+
+class AutoConfig(Settings):
+    """`[bracket.auto]`: what the bracket must reach; scout frames before the plan find the fewest exposures."""
+
+    noise: float = Field(default=0.02, gt=0, lt=1, description="largest relative noise of the merged radiance")
+    darkest_percent: float = Field(default=1.0, ge=0, lt=50, description="share of pixels that may be noisier, percent")
+    shortest_s: Positive = Field(default=1e-4, description="shortest exposure time to choose, seconds")
+    longest_s: Positive = Field(default=1.0, description="longest exposure time to choose, seconds")
+    most_exposures: int = Field(default=8, ge=1, le=32, description="how many exposures are allowed")
+
+    @model_validator(mode="after")
+    def _in_order(self) -> AutoConfig:
+        if self.longest_s < self.shortest_s:
+            raise ValueError(f"longest_s ({self.longest_s:g}) is less than shortest_s ({self.shortest_s:g})")
+        return self
 
 
 class BracketConfig(Settings):
     """`[bracket]`: the exposures at each pose."""
 
-    exposure_times_s: tuple[Positive, ...] = Field(
-        min_length=1, max_length=32, description="one frame each, in seconds, ascending"
+    exposure_times_s: tuple[Positive, ...] | None = Field(
+        default=None, min_length=1, max_length=32, description="one frame each, in seconds, ascending"
     )
+    auto: AutoConfig | None = Field(default=None, description="a table that stands in place of exposure_times_s")
     darks: int = Field(default=4, ge=0, le=1000, description="dark frames per exposure time; not 1")
+    when_clipped: Literal["flag", "pause", "shorter"] = Field(
+        default="flag", description="what to do at a pose whose shortest exposure clips"
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> BracketConfig:
+        if (self.exposure_times_s is None) == (self.auto is None):
+            raise ValueError("state either exposure_times_s or a table [bracket.auto]")
+        return self
 
     @field_validator("exposure_times_s")
     @classmethod
-    def _ascending(cls, times: tuple[float, ...]) -> tuple[float, ...]:
-        for i, (earlier, later) in enumerate(pairwise(times)):
+    def _ascending(cls, times: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        for i, (earlier, later) in enumerate(pairwise(times or ())):
             if later <= earlier:
                 how = "repeats" if later == earlier else "is shorter than"
                 raise ValueError(
@@ -52,6 +78,30 @@ class PoseConfig(Settings):
     axes: dict[str, float] = Field(min_length=1, description="position of each axis, in deg or mm as the stage has it")
 
 
+class FlatsConfig(Settings):
+    """`[flats]`: frames of an even plane at the first pose, before all others."""
+
+    exposure_time_s: Positive = Field(description="of each frame, seconds; it must not clip")
+    count: int = Field(ge=1, le=1000, description="how many frames")
+
+
+class DarksAndFlatsConfig(Settings):
+    """`[darks_and_flats]`: take them from an earlier session in place of taking them again."""
+
+    session: Annotated[str, Field(min_length=1)] = Field(description="its file, from the folder of the protocol")
+    largest_age_h: Positive = Field(default=24.0, description="older ones are refused, hours")
+    largest_temperature_difference: Positive = Field(
+        default=5.0, description="of the sensor, from then to now, degrees Celsius; beyond it a warning is noted"
+    )
+
+
+class WatchConfig(Settings):
+    """`[watch]`: go through all poses again and again, to see what drifts."""
+
+    repeats: int = Field(ge=1, le=100_000, description="how many times")
+    interval_s: NonNegative = Field(default=0.0, description="from the begin of one pose to that of the next, seconds")
+
+
 class ProtocolConfig(SettingsFile):
     """A protocol: brackets over rings and single poses, in the order of the file, rings first."""
 
@@ -60,6 +110,9 @@ class ProtocolConfig(SettingsFile):
     bracket: BracketConfig
     rings: tuple[RingConfig, ...] = ()
     poses: tuple[PoseConfig, ...] = ()
+    flats: FlatsConfig | None = None
+    darks_and_flats: DarksAndFlatsConfig | None = None
+    watch: WatchConfig | None = None
 
     @model_validator(mode="after")
     def _some_poses(self) -> ProtocolConfig:

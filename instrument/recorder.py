@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from datetime import UTC, datetime
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from instrument import layout
 from instrument.digests import chain_digest, frame_digest
+from instrument.event_lines import event_line
 from instrument.layout import Field, Status
 from instrument.pose_record import PoseRecord
 from instrument.preview import fraction, preview
@@ -55,13 +55,40 @@ class Recorder:
     ) -> None:
         self.close(Status.INTERRUPTED)
 
-    def write_darks(self, mean: NDArray[np.float32], variance: NDArray[np.float32], when_ns: list[int]) -> None:
-        """Write mean and variance of the dark frames; both (E, H, W[, 3]) in counts, `when_ns` per exposure."""
+    def write_darks(
+        self,
+        mean: NDArray[np.float32],
+        variance: NDArray[np.float32],
+        when_ns: list[int],
+        temperature: list[float] | None = None,
+    ) -> None:
+        """Write the dark frames.
+
+        Parameters
+        ----------
+        mean, variance : ndarray of float32, shape (E, H, W) or (E, H, W, 3)
+            Of the counts, and of a single frame's.
+        when_ns : list of int, length E
+            When the last of each exposure had been read (monotonic).
+        temperature : list of float, length E, optional
+            Of the sensor, degrees Celsius; None where the session has no place for it.
+        """
         self._write(layout.DARK, mean)
         self._write(layout.DARK_VARIANCE, variance)
+        if temperature is not None:
+            self._write(layout.DARK_TEMPERATURE, temperature)
         # The times say that the darks are whole, so they reach the disk after them.
         sync(self._file)
         self._write(layout.DARK_TIMESTAMP, self._seconds(np.asarray(when_ns)))
+        sync(self._file)
+
+    def write_flats(self, frames: NDArray[np.uint16], exposure_times: list[float]) -> None:
+        """Write the frames of an even plane, shape (F, H, W), counts, with their exposure times in seconds."""
+        for i, frame in enumerate(frames):
+            self.write_beside(layout.FLAT_IMAGES, i, frame)
+        # The times say that the frames are whole, so they reach the disk after them.
+        sync(self._file)
+        self._write(layout.FLAT_TIME, exposure_times)
         sync(self._file)
 
     def write_pose(self, i_pose: int, record: PoseRecord) -> None:
@@ -84,14 +111,17 @@ class Recorder:
         check_space(self._path, picture.nbytes)
         self._write(field, picture, i)
 
-    def note(self, event: str, **details: str | float) -> None:
+    def note(self, event: str, **details: object) -> None:
         """Append a line to the journal's events; it reaches the disk with the next pose, or on closing."""
-        if not self._file:
+        self.write_events([event_line(event, details)])
+
+    def write_events(self, lines: list[str]) -> None:
+        """Append lines that `instrument.event_lines` made, as `note` does."""
+        if not self._file or not lines:
             return
         events = self._file[layout.EVENTS.path]
-        line = {"time": datetime.now(UTC).isoformat(), "event": event, **details}
-        events.resize(events.shape[0] + 1, axis=0)
-        events[-1] = json.dumps(line, ensure_ascii=False)
+        events.resize(events.shape[0] + len(lines), axis=0)
+        events[-len(lines) :] = np.array([line.encode() for line in lines], dtype=events.dtype)
 
     def close(self, status: Status) -> None:
         """Write how it ended and when, and close; does nothing the second time."""
@@ -130,6 +160,8 @@ class Recorder:
         self._write(layout.MONITOR, record.monitor, at)
         self._write(layout.LIGHT_TEMPERATURE, record.light_temperature, at)
         self._write(layout.ATTEMPTS, record.attempts, i_pose)
+        if layout.REFERENCE.path in self._file:
+            self._write(layout.REFERENCE, record.reference, i_pose)
         for axis, position in record.positions.items():
             self._write(layout.axis_field(axis, "value"), position, i_pose)
 

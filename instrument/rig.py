@@ -17,13 +17,17 @@ from drivers.errors import CancelledError, DeviceError, UnsafeError
 from drivers.light import Light
 from drivers.registry import Devices, open_devices
 from drivers.stage import Stage
-from instrument.bounded import BoundedCamera, BoundedLight, BoundedStage
+from instrument.bounded import BoundedCamera, BoundedLight, BoundedStage, Note
 from instrument.rig_config import RigConfig
 from instrument.rig_lock import hold
 
 _log = logging.getLogger(__name__)
 
 OpenDevices = Callable[[Mapping[str, Any]], Devices]
+
+
+def _forget(event: str, **details: object) -> None:
+    """Note nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +69,22 @@ class Rig:
     @classmethod
     @contextmanager
     def connected(
-        cls, config: RigConfig, devices: OpenDevices = open_devices, cancel: Event | None = None
+        cls,
+        config: RigConfig,
+        devices: OpenDevices = open_devices,
+        cancel: Event | None = None,
+        note: Note = _forget,
     ) -> Iterator[Rig]:
         """Connect all devices or none, without a motion; else as `open`.
+
+        Parameters
+        ----------
+        config, devices
+            As for `open`.
+        cancel : threading.Event, optional
+            Becomes `Rig.cancel`.
+        note : callable, optional
+            Takes every command of the light and the stage, and every failure, for the log.
 
         Raises
         ------
@@ -75,7 +92,7 @@ class Rig:
             If another process holds the rig.
         """
         with hold(config.name), ExitStack() as stack:
-            rig = cls._bounded(config, devices, cancel or Event())
+            rig = cls._bounded(config, devices, cancel or Event(), note)
             for device in (rig.light, rig.stage, rig.camera):
                 stack.callback(_disconnect, device)
                 device.connect()
@@ -84,10 +101,16 @@ class Rig:
                 yield rig
 
     @classmethod
-    def _bounded(cls, config: RigConfig, devices: OpenDevices, cancel: Event) -> Rig:
+    def _bounded(cls, config: RigConfig, devices: OpenDevices, cancel: Event, note: Note) -> Rig:
         camera, light, stage, clock = Devices(*devices(config.model_dump(exclude_none=True)))
-        bounded = BoundedCamera(camera, cancel), BoundedLight(light, cancel), BoundedStage(stage, cancel)
-        return cls(config, *bounded, clock, cancel)
+        return cls(
+            config,
+            BoundedCamera(camera, cancel, note),
+            BoundedLight(light, cancel, note),
+            BoundedStage(stage, cancel, note),
+            clock,
+            cancel,
+        )
 
     @property
     def serial_numbers(self) -> dict[str, str]:

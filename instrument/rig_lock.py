@@ -44,9 +44,7 @@ def hold(rig_name: str) -> Iterator[None]:
         lock.acquire(timeout=0)
     except Timeout:
         who = _who(holder)
-        raise RigBusyError(
-            f"the rig {rig_name!r} is in use by {who}. Close it there, then try again"
-        ) from None
+        raise RigBusyError(f"the rig {rig_name!r} is in use by {who}. Close it there, then try again") from None
     try:
         _write(holder)
         yield

@@ -141,6 +141,24 @@ class Session(BesideReader):
         return self._array(layout.DARK_VARIANCE) if self.has_darks else None
 
     @property
+    def dark_timestamps(self) -> NDArray[np.float64]:
+        """When the darks were taken, shape (E,), seconds since the start (before it: negative); NaN if not taken."""
+        return self._array(layout.DARK_TIMESTAMP)
+
+    @property
+    def dark_temperatures(self) -> NDArray[np.float64] | None:
+        """Temperature of the sensor at the darks, shape (E,), degrees Celsius; None if not known."""
+        return self._stated(layout.DARK_TEMPERATURE)
+
+    @property
+    def reference(self) -> NDArray[np.float64] | None:
+        """Brightness of the reference patch at each pose, shape (P,), counts per second; None if not measured.
+
+        Tilt and distance are taken out by the rig's nominal geometry, so that it is the drift curve.
+        """
+        return self._stated(layout.REFERENCE)
+
+    @property
     def flat(self) -> NDArray[np.float32] | None:
         """Flat field, shape (H, W), relative; None if there is none."""
         return self._array(layout.FLAT) if layout.FLAT.path in self._file else None

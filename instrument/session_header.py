@@ -21,11 +21,17 @@ class Provenance:
         `protocol.toml`, or the `capture.toml` of an import, to the letter.
     rig_text, rig_json : str or None
         `rig.toml`, and its values with every default filled in.
+    firmware : mapping of str to str
+        Of each device, as it says itself.
+    sources : mapping of str to str
+        Digest of each file that it was calibrated with, by what it is.
     """
 
     protocol_text: str
     rig_text: str | None = None
     rig_json: str | None = None
+    firmware: Mapping[str, str] = field(default_factory=dict)
+    sources: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -149,8 +149,16 @@ def _write_plots(file: h5py.File) -> None:
     _plot(file[layout.QUALITY], "saturated_fraction", ["pose", "count_time"])
     file[layout.OVERVIEW].attrs["SILX_style"] = json.dumps({"signal_scale_type": "log"})
     file[layout.QUALITY].attrs["auxiliary_signals"] = ["black_fraction"]
+    if layout.REFERENCE.path in file:
+        _write_drift_curve(file[layout.REFERENCE_GROUP], file[layout.ORDER.path])
     if layout.LIGHT_OFFSET.path in file:
         file[layout.LIGHT]["position"] = file[layout.LIGHT_OFFSET.path]
+
+
+def _write_drift_curve(group: h5py.Group, order: h5py.Dataset) -> None:
+    group.attrs["NX_class"] = "NXdata"
+    group["pose"] = order
+    _plot(group, layout.REFERENCE.name, ["pose"])
 
 
 def _plot(group: h5py.Group, signal: str, axes: list[str]) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from instrument import layout
+from instrument.digests import text_digest
 from instrument.layout import Field
 from instrument.records import Board, Geometry
 from instrument.session_header import Provenance, SessionHeader
@@ -89,5 +90,16 @@ def _provenance(texts: Provenance, now: str) -> dict[Field, Any]:
         layout.RIG_TEXT: texts.rig_text,
         layout.PROTOCOL_TEXT: texts.protocol_text,
         layout.RIG_JSON: texts.rig_json,
-        layout.VERSIONS: json.dumps({"python": platform.python_version(), **packages}),
+        layout.VERSIONS: json.dumps({"python": platform.python_version(), **packages, **_of_others(texts)}),
     }
+
+
+def _of_others(texts: Provenance) -> dict[str, Any]:
+    """Return what is known of the devices' firmware, of calibrations, and digests of the texts."""
+    digests = {
+        name: text_digest(text)
+        for name, text in (("rig", texts.rig_text), ("protocol", texts.protocol_text))
+        if text is not None
+    }
+    known = {"firmware": texts.firmware, "sources": texts.sources, "sha256": digests}
+    return {name: dict(values) for name, values in known.items() if values}

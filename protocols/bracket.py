@@ -11,46 +11,91 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.camera import Camera, CameraDescription, Frame
-from drivers.errors import DeviceError
+from drivers.errors import DeviceError, UnsafeError
 from drivers.light import Light, LightState
 from drivers.stage import Stage
 from instrument.pose_record import PoseRecord
 from instrument.rig import Rig
+from protocols.reference import ReferencePatch
 
 # A camera rounds exposure times to its clock; more than 2 % off is another time than planned.
 SETTING_TOLERANCE = 0.02
 # A frame must carry the time that was read back, but for the last digits of its metadata.
 FRAME_TOLERANCE = 1e-3
 # Seconds of lease a frame may take besides its exposure: readout, transfer, a busy computer.
-FRAME_MARGIN = 2.0
+LEASE_MARGIN = 2.0
+# A frame of which more than this share is clipped counts as clipped: a few glints are no fault of the bracket.
+CLIPPED_SHARE = 1e-2
+
+
+@dataclass(frozen=True, slots=True)
+class Bracket:
+    """The exposures of every pose, and what is known for checking them.
+
+    Attributes
+    ----------
+    times : tuple of float, length E
+        Seconds, ascending.
+    n_spare : int
+        The first so many are taken only where the next one clips.
+    darkness : tuple of float, length E
+        Mean counts of a frame in the dark, per exposure time.
+    """
+
+    times: tuple[float, ...]
+    n_spare: int
+    darkness: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Shot:
     """One frame with what the light said and when it had been read (monotonic, ns)."""
 
+    i_exposure: int
     frame: Frame
     light: LightState
     monotonic_ns: int
 
 
-def take_pose(rig: Rig, target: Mapping[str, float], exposure_times: tuple[float, ...], attempt: int) -> PoseRecord:
-    """Move to `target` and take one frame for each exposure time (seconds) in the light.
+def take_pose(
+    rig: Rig, target: Mapping[str, float], bracket: Bracket, attempt: int, patch: ReferencePatch | None = None
+) -> PoseRecord:
+    """Move to `target`, take the bracket in the light, and make sure that it was lit and is dark again.
+
+    Parameters
+    ----------
+    rig : Rig
+    target : mapping of str to float
+        Position of each axis, degrees or millimetres.
+    bracket : Bracket
+    attempt : int
+        How often this pose was begun, for the record.
+    patch : ReferencePatch, optional
+        Where to read the drift from.
 
     Raises
     ------
     DeviceError
-        If any device fails or does not confirm what it was told; the light is off then.
+        If any device fails or does not confirm what it was told; the light was told to go off then.
     """
     positions = move_verified(rig.stage, target)
     level = rig.config.light.level
-    with light_on(rig.light, level, lease_seconds(exposure_times)):
-        shots = [take_shot(rig.camera, rig.light, exposure_time) for exposure_time in exposure_times]
+    with light_on(rig.light, level, lease_seconds(bracket.times)):
+        shots = _take_shots(rig, bracket)
     check_order(shots)
-    return _record(shots, level, positions, attempt)
+    check_lit_and_dark_again(rig, shots, bracket)
+    shots.sort(key=lambda shot: shot.i_exposure)
+    return _record(rig, shots, level, positions, attempt, patch)
 
 
-def take_darks(rig: Rig, exposure_time: float, count: int) -> tuple[NDArray[np.float32], NDArray[np.float32], int]:
+def clips(frame: Frame, camera: CameraDescription) -> bool:
+    """Return whether so much of a frame is clipped that its exposure was too long."""
+    return bool((frame.counts >= camera.saturation_level).mean() > CLIPPED_SHARE)
+
+
+def take_darks(
+    rig: Rig, exposure_time: float, count: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32], int, float]:
     """Take `count` frames in the dark.
 
     Returns
@@ -59,18 +104,47 @@ def take_darks(rig: Rig, exposure_time: float, count: int) -> tuple[NDArray[np.f
         Of the counts; the variance is that of one frame (divided by ``count - 1``).
     monotonic_ns : int
         When the last had been read.
+    temperature : float
+        Of the sensor at the last, degrees Celsius.
+
+    Raises
+    ------
+    UnsafeError
+        If the frames are not dark.
     """
     _confirm_dark(rig.light)
-    shape = rig.camera.describe().height, rig.camera.describe().width
+    camera = rig.camera.describe()
+    shape = camera.height, camera.width
     total, squares = np.zeros(shape, np.uint64), np.zeros(shape, np.uint64)
     for _ in range(count):
-        counts = _expose(rig.camera, exposure_time).counts.astype(np.uint64)
+        frame = _expose(rig.camera, exposure_time)
+        counts = frame.counts.astype(np.uint64)
         # Sums of whole numbers are exact; the stack of frames need not be kept.
         total += counts
         squares += counts * counts
     mean = total / count
     variance = np.maximum(squares - total * mean, 0.0) / (count - 1)
-    return mean.astype(np.float32), variance.astype(np.float32), time.monotonic_ns()
+    _check_darks(mean, camera, exposure_time)
+    return mean.astype(np.float32), variance.astype(np.float32), time.monotonic_ns(), frame.sensor_temperature
+
+
+def take_flats(rig: Rig, exposure_time: float, count: int) -> NDArray[np.uint16]:
+    """Take `count` frames of what lies before the lens, in the light; shape (count, H, W), counts.
+
+    Raises
+    ------
+    DeviceError
+        If a device fails.
+    UnsafeError
+        If they clip.
+    """
+    times = (exposure_time,) * count
+    with light_on(rig.light, rig.config.light.level, lease_seconds(times)):
+        shots = [take_shot(rig.camera, rig.light, 0, exposure_time) for _ in times]
+    check_order(shots)
+    if clips(shots[0].frame, rig.camera.describe()):
+        raise UnsafeError(f"the flat frames of {exposure_time:g} s clip. Choose a shorter flats.exposure_time_s")
+    return np.stack([shot.frame.counts for shot in shots])
 
 
 def move_verified(stage: Stage, target: Mapping[str, float]) -> dict[str, float]:
@@ -99,8 +173,7 @@ def light_on(light: Light, level: float, max_seconds: float) -> Iterator[None]:
         # What went wrong first stays the error, above all a Ctrl-C.
         _darken(light, error)
         raise
-    if light.off().lit:
-        raise DeviceError("the light was told to go dark and still shines. Switch it off by hand")
+    _confirm_dark(light)
 
 
 def _darken(light: Light, error: BaseException) -> None:
@@ -110,18 +183,33 @@ def _darken(light: Light, error: BaseException) -> None:
         error.add_note(f"light off failed: {failure}")
 
 
-def take_shot(camera: Camera, light: Light, exposure_time: float) -> Shot:
+def _confirm_dark(light: Light) -> None:
+    # A second command, in case that the first was lost on its way.
+    if light.off().lit and light.off().lit:
+        raise UnsafeError("the light was told to go dark twice and still shines. Switch it off by hand")
+
+
+def take_shot(camera: Camera, light: Light, i_exposure: int, exposure_time: float) -> Shot:
     """Take one frame of `exposure_time` seconds in the light."""
     frame = _expose(camera, exposure_time)
     state = light.read()
     if not state.lit:
         raise DeviceError("the light went dark during the bracket: its lease ended or its supply failed")
-    return Shot(frame, state, time.monotonic_ns())
+    return Shot(i_exposure, frame, state, time.monotonic_ns())
+
+
+def _take_shots(rig: Rig, bracket: Bracket) -> list[Shot]:
+    """Return the shots in the order they were taken."""
+    regular = range(bracket.n_spare, len(bracket.times))
+    shots = [take_shot(rig.camera, rig.light, i, bracket.times[i]) for i in regular]
+    if bracket.n_spare and clips(shots[0].frame, rig.camera.describe()):
+        shots += [take_shot(rig.camera, rig.light, i, bracket.times[i]) for i in range(bracket.n_spare)]
+    return shots
 
 
 def lease_seconds(exposure_times: tuple[float, ...]) -> float:
     """Return for how many seconds the light may shine by itself over a bracket."""
-    return sum(exposure_times) + FRAME_MARGIN * len(exposure_times)
+    return sum(exposure_times) + LEASE_MARGIN * len(exposure_times)
 
 
 def check_order(shots: list[Shot]) -> None:
@@ -130,6 +218,58 @@ def check_order(shots: list[Shot]) -> None:
     numbers = [shot.frame.sequence_number for shot in shots]
     if numbers != list(range(first, first + len(shots))):
         raise DeviceError(f"a frame was lost or came twice: the camera numbers them {numbers}")
+
+
+def check_lit_and_dark_again(rig: Rig, shots: list[Shot], bracket: Bracket) -> None:
+    """Take one more frame, and make sure by the pictures that the light shone and that it went out.
+
+    A light's own word is not enough: a relay can stick, an LED can be dead behind a driver that works. The frame
+    repeats the shortest exposure that saw something, so it costs little.
+
+    Raises
+    ------
+    UnsafeError
+        If the light still shines, or if the bracket shows nothing.
+    """
+    camera = rig.camera.describe()
+    scale = camera.saturation_level - camera.black_level
+    seen = [float(shot.frame.counts.mean()) - bracket.darkness[shot.i_exposure] for shot in shots]
+    bright = [k for k, signal in enumerate(seen) if signal > 0.01 * scale] or [int(np.argmax(seen))]
+    shot = min((shots[k] for k in bright), key=lambda shot: bracket.times[shot.i_exposure])
+    after = _expose(rig.camera, bracket.times[shot.i_exposure])
+    lit, dark = float(shot.frame.counts.mean()), float(after.counts.mean())
+    darkness = bracket.darkness[shot.i_exposure]
+    if dark - darkness > max(0.5 * (lit - darkness), 0.005 * scale):
+        _confirm_dark(rig.light)
+        raise UnsafeError(
+            f"after the bracket the picture is still bright ({dark:.0f} counts, {lit:.0f} in the light, {darkness:.0f} "
+            "in the dark), though the light says that it is off. Switch it off by hand, and shut out other light"
+        )
+    if not _shows_anything(shot.frame, after, camera):
+        raise UnsafeError(_why_black(shot.light))
+
+
+def _shows_anything(lit: Frame, dark: Frame, camera: CameraDescription) -> bool:
+    """Return whether a frame in the light has anything that the one in the dark has not."""
+    noise = camera.read_noise / camera.conversion_gain
+    noise = noise if np.isfinite(noise) else 1.0
+    brightest = float(np.quantile(lit.counts, 0.999)) - float(np.quantile(dark.counts, 0.999))
+    return bool(brightest > 3.0 * noise or lit.counts.mean() - dark.counts.mean() > 0.5 * noise)
+
+
+def _why_black(light: LightState) -> str:
+    if light.monitor > 0.0:
+        return "the picture is black though the light's own monitor sees it shine. Is the lens cap on?"
+    return "the picture is black. Is the lens cap on, is the light dead, does its fibre sit?"
+
+
+def _check_darks(mean: NDArray[np.float64], camera: CameraDescription, exposure_time: float) -> None:
+    bright = float(np.median(mean)) - camera.black_level
+    if bright > 0.1 * (camera.saturation_level - camera.black_level):
+        raise UnsafeError(
+            f"the darks of {exposure_time:g} s are not dark: {bright:.0f} counts above the black level. "
+            "Does the light shine though it says that it is off? Shut out all other light"
+        )
 
 
 def _expose(camera: Camera, exposure_time: float) -> Frame:
@@ -160,16 +300,20 @@ def _check_close(what: str, value: float, wanted: float, tolerance: float) -> No
         )
 
 
-def _confirm_dark(light: Light) -> None:
-    if light.off().lit:
-        raise DeviceError("the light still shines; darks need it off. Switch it off by hand")
-
-
-def _record(shots: list[Shot], level: float, positions: Mapping[str, float], attempt: int) -> PoseRecord:
+def _record(
+    rig: Rig,
+    shots: list[Shot],
+    level: float,
+    positions: Mapping[str, float],
+    attempt: int,
+    patch: ReferencePatch | None,
+) -> PoseRecord:
+    counts = np.stack([shot.frame.counts for shot in shots])
+    times = np.array([shot.frame.exposure_time for shot in shots])
     return PoseRecord(
-        i_exposure=np.arange(len(shots)),
-        counts=np.stack([shot.frame.counts for shot in shots]),
-        exposure_readback=np.array([shot.frame.exposure_time for shot in shots]),
+        i_exposure=np.array([shot.i_exposure for shot in shots]),
+        counts=counts,
+        exposure_readback=times,
         sensor_temperature=np.array([shot.frame.sensor_temperature for shot in shots]),
         monotonic_ns=np.array([shot.monotonic_ns for shot in shots]),
         level_set=level,
@@ -178,4 +322,5 @@ def _record(shots: list[Shot], level: float, positions: Mapping[str, float], att
         light_temperature=np.array([shot.light.temperature for shot in shots]),
         positions=positions,
         attempts=attempt,
+        reference=np.nan if patch is None else patch.brightness(counts, times, positions),
     )

@@ -2,34 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-from pydantic import ValidationError
-
-from drivers.camera import CameraDescription
-from drivers.errors import DeviceError
 from drivers.registry import open_devices
+from instrument.audit import AuditLog
 from instrument.config import ProtocolConfig, RigConfig
 from instrument.layout import Status
 from instrument.recorder import Recorder
-from instrument.records import CameraRecord, Geometry
 from instrument.rig import OpenDevices, Rig
 from instrument.session import Session
 from instrument.session_file import create_session, refuse_existing
-from instrument.session_header import Provenance, SessionHeader
 from instrument.validation import InvalidInputError, Problem, raise_if_any
 from instrument.verify import plan_problems
-from protocols.plan import Plan
+from protocols.begun import BegunSession
+from protocols.control import Control
+from protocols.header import session_header
+from protocols.metering import Metered
 from protocols.preflight import preflight_problems
-from protocols.progress import Progress, State, Watcher, tell
-from protocols.run import CaptureFaultError, Outcome, Run
+from protocols.prepare import Prepared, prepare
+from protocols.progress import Finish, Outcome, Progress, State, Watcher, tell
+from protocols.run import Begun, CaptureFaultError, Run
 
 NOTHING_TO_DO = "already complete; there is nothing to do"
 
-__all__ = ["CaptureFaultError", "Outcome", "Progress", "State", "capture", "resume"]
+__all__ = ["CaptureFaultError", "Control", "Finish", "Outcome", "Progress", "State", "capture", "resume"]
 
 
 def capture(
@@ -38,6 +36,7 @@ def capture(
     path: Path | str,
     progress: Watcher | None = None,
     devices: OpenDevices = open_devices,
+    control: Control | None = None,
 ) -> Outcome:
     """Capture a protocol on a rig into a new session.
 
@@ -53,11 +52,13 @@ def capture(
         Told about every step; its errors are logged and do not stop the capture.
     devices : callable, optional
         Opens the devices of a rig; by default those that the rig names.
+    control : Control, optional
+        By which another thread may ask to stop. In the main thread, Ctrl-C asks too.
 
     Returns
     -------
     Outcome
-        Complete, or paused by Ctrl-C.
+        Complete, paused or aborted.
 
     Raises
     ------
@@ -68,78 +69,94 @@ def capture(
     OSError
         If there is a file at `path`, the disk is too small, or writing fails.
     """
-    path, plan = Path(path), Plan.from_protocol(protocol_config)
+    path, control = Path(path), control or Control()
     refuse_existing(path)
-    tell(progress, Progress.at_start(State.PREFLIGHT, 0, plan.n_poses))
-    with Rig.connected(rig_config, devices) as rig:
-        raise_if_any("the rig cannot do this protocol", preflight_problems(rig, plan))
-        header = _header(rig, protocol_config, plan)
-        create_session(path, header, plan.bytes(header.camera.height, header.camera.width))
-        with Recorder(path) as recorder:
-            return Run(rig, recorder, plan, path, watcher=progress).run()
+    tell(progress, Progress.at_start(State.PREFLIGHT, 0, 0))
+    with closing(AuditLog(path)) as audit, Rig.connected(rig_config, devices, control.cancel, audit.note) as rig:
+        prepared, metered = prepare(rig, protocol_config, path).metered(rig)
+        _create(rig, prepared, path)
+        audit.begin()
+        _note_begin(audit, rig, prepared, metered)
+        run = Run(rig, Recorder(path), audit, prepared.plan, path, _known(prepared), control, progress)
+        return _with_warnings(run.run(), prepared.warnings)
 
 
-def resume(path: Path | str, progress: Watcher | None = None, devices: OpenDevices = open_devices) -> Outcome:
+def resume(
+    path: Path | str,
+    progress: Watcher | None = None,
+    devices: OpenDevices = open_devices,
+    control: Control | None = None,
+    accept_moved: bool = False,
+) -> Outcome:
     """Go on with a session at its first incomplete pose, with the rig and the plan it holds itself.
 
     Parameters
     ----------
     path : Path or str
         A session, interrupted in any way; one that is complete is left as it is.
-    progress, devices : callable, optional
+    progress, devices, control : optional
         As for `capture`.
+    accept_moved : bool
+        Go on without looking whether the sample lies where it lay.
 
     Raises
     ------
     InvalidInputError
         If the file is no session, or its plan was changed.
     DeviceError
-        If a device keeps failing, or is not the one that began the session.
+        If a device keeps failing, is not the one that began the session, or the sample was moved.
     OSError
         If the session cannot be written, for one because another process writes it.
     """
     imported = _imported(Path(path))
     if imported is not None:
         return imported
-    begun = _Begun.read(Path(path))
-    n_poses = begun.plan.n_poses
-    if len(begun.complete) == n_poses:
-        return _close_complete(begun)
-    tell(progress, Progress.at_start(State.PREFLIGHT, len(begun.complete), n_poses))
-    with Rig.connected(begun.rig, devices) as rig:
-        _check_same_devices(rig, begun)
-        raise_if_any("the rig cannot go on", preflight_problems(rig, begun.plan))
-        with Recorder(begun.path) as recorder:
-            recorder.note("resumed", n_complete=len(begun.complete))
-            run = Run(rig, recorder, begun.plan, begun.path, begun.complete, begun.has_darks, progress)
-            return run.run()
+    session, control = BegunSession.read(Path(path)), control or Control()
+    if session.is_whole:
+        return _close_complete(session)
+    tell(progress, Progress.at_start(State.PREFLIGHT, len(session.begun.complete), session.plan.n_poses))
+    with (
+        closing(AuditLog(session.path, session.n_events)) as audit,
+        Rig.connected(session.rig, devices, control.cancel, audit.note) as rig,
+    ):
+        rig.check_serial_numbers(session.serial_numbers)
+        raise_if_any("the rig cannot go on", preflight_problems(rig, session.plan))
+        begun = replace(session.begun, landmark=None) if accept_moved else session.begun
+        recorder = Recorder(session.path)
+        audit.begin()
+        audit.note("resumed", n_complete=len(begun.complete), accept_moved=accept_moved)
+        return Run(rig, recorder, audit, session.plan, session.path, begun, control, progress).run()
 
 
-@dataclass(frozen=True, slots=True)
-class _Begun:
-    """What a session says about how to go on with it."""
+def _create(rig: Rig, prepared: Prepared, path: Path) -> None:
+    plan, kept = prepared.plan, prepared.kept
+    values = {} if kept is None else kept.for_times(plan.exposure_times)
+    sources = {} if kept is None else {"darks and flats": kept.digest}
+    header = session_header(rig, prepared.protocol, plan, values, sources)
+    create_session(path, header, plan.bytes(header.camera.height, header.camera.width))
 
-    path: Path
-    rig: RigConfig
-    plan: Plan
-    complete: Collection[int]
-    has_darks: bool
-    status: Status
-    serial_numbers: dict[str, str]
 
-    @classmethod
-    def read(cls, path: Path) -> _Begun:
-        with Session(path) as session:
-            raise_if_any(f"{path} cannot be resumed", plan_problems(session))
-            return cls(
-                path=path,
-                rig=_rig_from(session),
-                plan=Plan.from_json(session.plan_json),
-                complete=frozenset(np.flatnonzero(session.pose_complete).tolist()),
-                has_darks=session.has_darks,
-                status=session.status,
-                serial_numbers=session.serial_numbers,
-            )
+def _note_begin(audit: AuditLog, rig: Rig, prepared: Prepared, metered: Metered | None) -> None:
+    audit.note("begun", serial_numbers=rig.serial_numbers, plan=prepared.plan.sha256, warnings=prepared.warnings)
+    if metered is not None:
+        audit.note(
+            "metered",
+            exposure_times_s=metered.exposure_times,
+            darkest=metered.scene.darkest,
+            brightest=metered.scene.brightest,
+            noise=metered.noise,
+        )
+
+
+def _known(prepared: Prepared) -> Begun:
+    """Return what a new session holds before its first pose: the darks of an earlier one."""
+    if prepared.kept is None:
+        return Begun()
+    return Begun(darkness=prepared.kept.darkness(prepared.plan.exposure_times))
+
+
+def _with_warnings(outcome: Outcome, warnings: tuple[str, ...]) -> Outcome:
+    return replace(outcome, warnings=(*warnings, *outcome.warnings))
 
 
 def _imported(path: Path) -> Outcome | None:
@@ -152,93 +169,15 @@ def _imported(path: Path) -> Outcome | None:
     if n_complete < n_poses:
         what = f"holds {n_complete} of {n_poses} poses; import the pictures again: halfangle import FOLDER"
         raise InvalidInputError(f"{path} cannot be resumed", [Problem("/entry/journal/pose_complete", what)])
-    return Outcome(State.SAFE, path, n_poses, n_poses, NOTHING_TO_DO)
+    return Outcome(Finish.COMPLETE, path, n_poses, n_poses, NOTHING_TO_DO)
 
 
-def _rig_from(session: Session) -> RigConfig:
-    try:
-        rig = RigConfig.model_validate_json(session.rig_json, strict=True)
-    except ValidationError as error:
-        problem = Problem("/entry/process_capture/rig_values", f"is no rig of this release: {error}")
-        raise InvalidInputError(f"{session.path} cannot be resumed", [problem]) from None
-    rig.remember(session.rig_text)
-    return rig
-
-
-def _header(rig: Rig, protocol: ProtocolConfig, plan: Plan) -> SessionHeader:
-    sample = protocol.sample or "a sample"
-    light, stage = rig.light.describe(), rig.stage.describe()
-    return SessionHeader(
-        title=protocol.name,
-        sample=protocol.sample,
-        description=f"{protocol.name}: {sample} on {rig.config.name}",
-        plan_json=plan.json,
-        plan_sha256=plan.sha256,
-        n_poses=plan.n_poses,
-        exposure_times=plan.exposure_times,
-        camera=_camera_record(rig.camera.describe()),
-        geometry=_geometry(rig.config),
-        boards=tuple(board.record for board in rig.config.boards),
-        provenance=Provenance(protocol.text, rig.config.text, rig.config.model_dump_json()),
-        light_type="LED",
-        light_serial=light.serial_number,
-        stage_serial=stage.serial_number,
-        axes=stage.axes,
-        targets=plan.targets,
-        has_darks=plan.darks > 0,
-    )
-
-
-def _camera_record(camera: CameraDescription) -> CameraRecord:
-    return CameraRecord(
-        make=camera.make,
-        model=camera.model,
-        serial_number=camera.serial_number,
-        height=camera.height,
-        width=camera.width,
-        n_channels=1,
-        dtype="u2",
-        bit_depth=camera.bit_depth,
-        black_level=camera.black_level,
-        saturation_value=camera.saturation_level,
-        bayer_pattern=camera.bayer_pattern,
-        conversion_gain=camera.conversion_gain,
-        read_noise=camera.read_noise,
-    )
-
-
-def _geometry(rig: RigConfig) -> Geometry:
-    sigma = rig.light.offset_sigma_mm
-    return Geometry(
-        area_mm=rig.geometry.area_mm,
-        working_distance_mm=rig.geometry.working_distance_mm,
-        focal_length_px=rig.camera.focal_length_px,
-        light_offset_mm=rig.light.offset_mm,
-        light_offset_sigma_mm=(sigma, sigma, sigma),
-    )
-
-
-def _close_complete(begun: _Begun) -> Outcome:
+def _close_complete(session: BegunSession) -> Outcome:
     """Leave a complete session alone; one killed after its last pose gets its last line."""
-    if begun.status is not Status.COMPLETE:
-        with Recorder(begun.path) as recorder:
+    if session.status is not Status.COMPLETE:
+        audit = AuditLog(session.path, session.n_events)
+        with Recorder(session.path) as recorder:
+            recorder.write_events(audit.take())
             recorder.close(Status.COMPLETE)
-    n_poses = begun.plan.n_poses
-    return Outcome(State.SAFE, begun.path, n_poses, n_poses, NOTHING_TO_DO)
-
-
-def _check_same_devices(rig: Rig, begun: _Begun) -> None:
-    connected = {
-        "camera": rig.camera.describe().serial_number,
-        "light": rig.light.describe().serial_number,
-        "stage": rig.stage.describe().serial_number,
-    }
-    swapped = [
-        f"the {kind} is {connected[kind]!r} and was {serial!r}"
-        for kind, serial in begun.serial_numbers.items()
-        if connected[kind] != serial
-    ]
-    if swapped:
-        raise DeviceError(
-            f"{'; '.join(swapped)}. A session is finished on the devices that began it: connect those, or capture anew"
-        )
+    n_poses = session.plan.n_poses
+    return Outcome(Finish.COMPLETE, session.path, n_poses, n_poses, NOTHING_TO_DO)

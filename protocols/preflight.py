@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 from drivers.errors import DeviceLimitError
 from drivers.limits import Limits
 from instrument.rig import Rig
+from instrument.session_file import InsufficientSpaceError, check_space
 from instrument.validation import Problem
 from protocols.plan import Plan
 
@@ -18,8 +20,19 @@ def preflight_problems(rig: Rig, plan: Plan) -> Iterator[Problem]:
     for exposure_time in plan.exposure_times:
         remedy = "Drop that step from the bracket or change the aperture."
         yield from _limit_problem("bracket.exposure_times_s", limits, exposure_time, remedy)
+    if plan.flats:
+        yield from _limit_problem("flats.exposure_time_s", limits, plan.flat_time, "Choose another one.")
     level = rig.config.light.level
     yield from _limit_problem("light.level", rig.light.describe().level_limits, level, "Change light.level.")
+
+
+def space_problems(rig: Rig, plan: Plan, path: Path) -> Iterator[Problem]:
+    """Yield whether the disk is too small for the session `path` of a plan."""
+    camera = rig.camera.describe()
+    try:
+        check_space(path, plan.bytes(camera.height, camera.width))
+    except InsufficientSpaceError as error:
+        yield Problem(str(path), str(error.strerror))
 
 
 def _axis_problems(rig: Rig, plan: Plan) -> Iterator[Problem]:

@@ -1,4 +1,4 @@
-"""What a running capture tells whoever watches it."""
+"""What a running capture tells whoever watches it, and how it ended."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
 
 _log = logging.getLogger(__name__)
 
@@ -16,11 +17,21 @@ class State(Enum):
 
     IDLE = "nothing has begun"
     PREFLIGHT = "checking that the capture can end well"
+    WARMUP = "letting the light warm up"
     RUNNING = "capturing"
     PAUSED = "paused between two poses; the light is off"
     FINISHING = "writing the end of the session"
     SAFE = "the light is off, stage and camera are stopped"
     FAULT = "stopped by a fault; the light is off"
+
+
+class Finish(Enum):
+    """Why a capture ended; the value is what the operator reads."""
+
+    COMPLETE = "complete"
+    PAUSED = "paused"
+    ABORTED = "aborted"
+    FAULT = "fault"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +47,12 @@ class Progress:
     n_frames : int
         Frames taken in this run, darks included.
     elapsed, remaining : float
-        Seconds since this run began, and about how many are left by the poses taken so far; NaN
+        Seconds of the rig's clock since this run began, and about how many are left by the poses taken so far; NaN
         before the first.
     message : str
         What happens, in words.
+    warning : str
+        What the operator should know though the capture goes on; empty most of the time.
     """
 
     state: State
@@ -49,11 +62,41 @@ class Progress:
     elapsed: float
     remaining: float
     message: str
+    warning: str = ""
 
     @classmethod
     def at_start(cls, state: State, n_complete: int, n_poses: int) -> Progress:
         """Return the report before the first frame of a run."""
         return cls(state, n_complete, n_poses, 0, 0.0, math.nan, state.value)
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a capture ended.
+
+    Attributes
+    ----------
+    finish : Finish
+        Why.
+    path : Path
+        The session.
+    n_complete, n_poses : int
+        Poses in the session, and all of them.
+    message : str
+        In words, with what to do next.
+    seconds : float
+        How long this run took on the rig's clock.
+    warnings : tuple of str
+        What the operator should know, each once.
+    """
+
+    finish: Finish
+    path: Path
+    n_complete: int
+    n_poses: int
+    message: str
+    seconds: float = 0.0
+    warnings: tuple[str, ...] = ()
 
 
 Watcher = Callable[[Progress], None]
@@ -67,3 +110,9 @@ def tell(watcher: Watcher | None, progress: Progress) -> None:
         watcher(progress)
     except Exception:
         _log.exception("the progress callback failed; the capture goes on")
+
+
+def duration(seconds: float) -> str:
+    """Return a time as an operator reads it."""
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest:02d} s" if minutes else f"{seconds:.3g} s"

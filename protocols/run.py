@@ -3,74 +3,96 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from drivers.errors import DeviceError
+from drivers.errors import CancelledError, DeviceError, DeviceLostError, DeviceTimeoutError
+from instrument.audit import AuditLog
+from instrument.bounded import within
 from instrument.layout import Status
+from instrument.pose_record import PoseRecord
 from instrument.recorder import Recorder
 from instrument.rig import Rig
-from protocols.bracket import take_darks, take_pose
+from protocols.bracket import CLIPPED_SHARE, Bracket, move_verified, take_darks, take_flats, take_pose
+from protocols.control import Control, obeying_signals
+from protocols.moved import Landmark, check_not_moved, light_changed
 from protocols.plan import Plan
-from protocols.progress import Progress, State, Watcher, tell
+from protocols.progress import Finish, Outcome, Progress, State, Watcher, tell
+from protocols.recovery import Recovery
+from protocols.reference import ReferencePatch
+from protocols.warm_up import warm_up
+from protocols.writer import PoseWriter
 
-ATTEMPTS = 3
-
-Taken = TypeVar("Taken")
+CLOSE_LIMIT = 60.0
+"""Seconds that closing the session may take; a stalled disk must not keep anybody waiting for ever."""
 
 
 class CaptureFaultError(DeviceError):
     """A capture stopped because of a device; its session can be resumed."""
 
 
+class PausedError(Exception):
+    """The run is to stop between two poses; the message says why."""
+
+
 @dataclass(frozen=True, slots=True)
-class Outcome:
-    """How a capture ended.
+class Begun:
+    """What a session holds before a run.
 
     Attributes
     ----------
-    state : State
-        `State.SAFE` when every pose is taken, `State.PAUSED` when somebody interrupted it.
-    path : Path
-        The session.
-    n_complete, n_poses : int
-        Poses in the session, and all of them.
-    message : str
-        In words, with what to do next.
+    complete : collection of int
+        Poses that are whole.
+    darkness : tuple of float, length E
+        Mean counts of its darks; empty where it has none yet.
+    has_flats : bool
+        Whether its flat frames are whole.
+    landmark : Landmark or None
+        A frame to find out by whether the sample was moved since.
     """
 
-    state: State
-    path: Path
-    n_complete: int
-    n_poses: int
-    message: str
+    complete: Collection[int] = ()
+    darkness: tuple[float, ...] = ()
+    has_flats: bool = False
+    landmark: Landmark | None = None
+
+
+@dataclass
+class _Tally:
+    """What a run has done so far."""
+
+    n_taken: int = 0
+    n_frames: int = 0
+    monitor: float = math.nan
+    warnings: dict[str, None] = field(default_factory=dict)
 
 
 class Run:
     """One run over the poses that are still missing.
 
-    The pose is the only atom: it is taken and written whole, or taken again. A run after a crash is
-    no different from the first one: it goes on at the first pose that is not complete.
+    The pose is the only atom: it is taken and written whole, or taken again. A run after a pause or a crash is no
+    different from the first one: it goes on at the first pose that is not complete.
 
     Parameters
     ----------
     rig : Rig
         Connected.
     recorder : Recorder
-        Of the session at `path`.
+        Of the session at `path`; closed at the end, however that comes.
+    audit : AuditLog
+        Of that session.
     plan : Plan
         As frozen in the session.
     path : Path
         For messages.
-    complete : collection of int
-        Poses that the session holds already.
-    has_darks : bool
-        Whether the session holds its darks already.
+    begun : Begun, optional
+        What the session holds already.
+    control : Control, optional
+        By which somebody may ask to stop.
     watcher : callable, optional
         Told about every step.
     """
@@ -79,115 +101,208 @@ class Run:
         self,
         rig: Rig,
         recorder: Recorder,
+        audit: AuditLog,
         plan: Plan,
         path: Path,
-        complete: Collection[int] = (),
-        has_darks: bool = False,
+        begun: Begun | None = None,
+        control: Control | None = None,
         watcher: Watcher | None = None,
     ) -> None:
         self.state = State.IDLE
-        self._rig, self._recorder, self._plan, self._path = rig, recorder, plan, path
-        self._missing = [i_pose for i_pose in range(plan.n_poses) if i_pose not in complete]
-        self._n_taken = 0
-        self._n_frames = 0
-        self._needs_darks = plan.darks > 0 and not has_darks
+        self._rig, self._recorder, self._audit, self._plan, self._path = rig, recorder, audit, plan, path
+        self._begun, self._control, self._watcher = begun or Begun(), control or Control(), watcher
+        self._missing = [i_pose for i_pose in range(plan.n_poses) if i_pose not in self._begun.complete]
+        self._tally = _Tally()
         self._unsafe: tuple[str, ...] = ()
         self._unclosed = ""
-        self._watcher = watcher
-        self._began = self._poses_began = time.monotonic()
+        self._began = self._poses_began = rig.clock.now()
+        self._recovery = Recovery(rig, audit.note, lambda what: self._report(self.state, what))
+        self._patch = ReferencePatch(rig.config, rig.camera.describe(), rig.stage.describe())
+        self._writer = PoseWriter(recorder, audit)
 
     def run(self) -> Outcome:
-        """Home, take the darks and every missing pose.
+        """Home, warm up, take the darks, the flats and every missing pose.
 
         Returns
         -------
         Outcome
-            Complete, or paused by Ctrl-C.
+            Complete, paused (asked for, or a device that did not come back) or aborted.
 
         Raises
         ------
         CaptureFaultError
-            If a device kept failing; says how to go on.
+            If a device kept failing or the rig is not safe; says how to go on.
         OSError
             If the session cannot be written.
         """
-        try:
-            self._capture()
-            return self._finish()
-        except KeyboardInterrupt:
-            self._leave(State.PAUSED, "interrupted")
-            if self._unsafe:
-                raise CaptureFaultError(f"interrupted. {self._how_to_go_on}") from None
-            return self._outcome(f"interrupted. {self._how_to_go_on}")
-        except DeviceError as error:
-            self._leave(State.FAULT, str(error))
-            raise CaptureFaultError(f"{error}. {self._how_to_go_on}") from error
-        except OSError as error:
-            self._leave(State.FAULT, str(error))
-            raise OSError(error.errno, f"{error.strerror or error}. {self._how_to_go_on}") from error
-        except BaseException as error:
-            self._leave(State.FAULT, str(error))
-            error.add_note(self._how_to_go_on)
-            raise
+        with obeying_signals(self._control):
+            try:
+                self._capture()
+                return self._finish()
+            except BaseException as error:
+                return self._end(error)
 
     def _capture(self) -> None:
+        self._audit.note("run", plan=self._plan.sha256, missing=len(self._missing), rig=self._rig.config.name)
         self._report(State.RUNNING, "homing the stage")
-        self._rig.stage.home()
-        if self._needs_darks:
-            self._report(State.RUNNING, "taking darks")
-            self._darks()
-        self._poses_began = time.monotonic()
-        for i_pose in self._missing:
-            self._report(State.RUNNING, f"pose {i_pose + 1} of {self._plan.n_poses}")
-            self._pose(i_pose)
+        self._recovery.repeated("homing the stage", lambda _: self._rig.stage.home())
+        darkness = self._begun.darkness or self._darks()
+        if self._rig.config.light.warm_up_s > 0.0:
+            self._warm_up()
+        if self._begun.landmark is not None:
+            self._look_again(self._begun.landmark)
+        if self._plan.flats and not self._begun.has_flats:
+            self._flats()
+        self._poses(Bracket(self._plan.exposure_times, self._plan.n_spare, darkness))
 
-    def _darks(self) -> None:
+    def _darks(self) -> tuple[float, ...]:
+        """Take the darks of the plan and return their mean counts, or what the camera says of darkness."""
         times, count = self._plan.exposure_times, self._plan.darks
-        darks = self._repeated("the darks", lambda _: [take_darks(self._rig, t, count) for t in times])
-        means, variances, when = zip(*darks, strict=True)
-        self._recorder.write_darks(np.stack(means), np.stack(variances), list(when))
-        self._n_frames += self._plan.n_darks
+        if not count:
+            return (self._rig.camera.describe().black_level,) * len(times)
+        self._report(State.RUNNING, "taking darks")
+        darks = self._recovery.repeated("the darks", lambda _: [take_darks(self._rig, t, count) for t in times])
+        means, variances, when, temperatures = zip(*darks, strict=True)
+        self._recorder.write_darks(np.stack(means), np.stack(variances), list(when), list(temperatures))
+        self._tally.n_frames += self._plan.n_darks
+        return tuple(float(mean.mean()) for mean in means)
 
-    def _pose(self, i_pose: int) -> None:
-        target, times = self._plan.target(i_pose), self._plan.exposure_times
-        record = self._repeated(f"pose {i_pose}", lambda n: take_pose(self._rig, target, times, n))
-        self._recorder.write_pose(i_pose, record)
-        self._n_taken += 1
-        self._n_frames += len(times)
+    def _warm_up(self) -> None:
+        self._report(State.WARMUP, "letting the light warm up")
+        done = self._recovery.repeated("the warm-up", lambda _: warm_up(self._rig))
+        self._audit.note("warm", seconds=done.seconds, slope_per_minute=done.slope)
+        if not done.steady:
+            raise PausedError(
+                f"after {done.seconds:g} s the light still drifts by {done.slope:.2%} a minute (allowed "
+                f"{self._rig.config.light.steady_per_minute:.2%}). Let it warm up, or look what is wrong with it"
+            )
 
-    def _repeated(self, what: str, take: Callable[[int], Taken]) -> Taken:
-        """Return what `take` takes; it is told the number of its attempt, from 1."""
-        for attempt in range(1, ATTEMPTS):
-            try:
-                return take(attempt)
-            except DeviceError as error:
-                self._rig.safe()
-                self._recorder.note("repeated", what=what, attempt=attempt, why=str(error))
-                self._report(State.RUNNING, f"{what} failed and is repeated: {error}")
-        return take(ATTEMPTS)
+    def _look_again(self, landmark: Landmark) -> None:
+        self._report(State.RUNNING, "comparing with a pose taken before")
+        scale = self._recovery.repeated("the comparison", lambda _: check_not_moved(self._rig, landmark))
+        self._audit.note("compared", pose=landmark.i_pose, brightness=scale)
+        self._warn(light_changed(scale))
+
+    def _flats(self) -> None:
+        self._report(State.RUNNING, "taking flat frames")
+        plan = self._plan
+
+        def take(_: int) -> NDArray[np.uint16]:
+            move_verified(self._rig.stage, plan.target(0))
+            return take_flats(self._rig, plan.flat_time, plan.flats)
+
+        self._recorder.write_flats(self._recovery.repeated("the flats", take), [plan.flat_time] * plan.flats)
+        self._tally.n_frames += plan.flats
+
+    def _poses(self, bracket: Bracket) -> None:
+        self._poses_began = begins = self._rig.clock.now()
+        for i_pose in self._missing:
+            self._between_poses()
+            self._report(State.RUNNING, f"pose {i_pose + 1} of {self._plan.n_poses}")
+            self._rig.wait(max(0.0, begins - self._rig.clock.now()))
+            begins = self._rig.clock.now() + self._plan.interval
+            self._pose(i_pose, bracket)
+        self._between_poses()
+
+    def _pose(self, i_pose: int, bracket: Bracket) -> None:
+        target = self._plan.target(i_pose)
+
+        def take(attempt: int) -> PoseRecord:
+            return take_pose(self._rig, target, bracket, attempt, self._patch)
+
+        record = self._recovery.repeated(f"pose {i_pose}", take)
+        self._writer.put(i_pose, record, self._wait_for_disk)
+        self._tally.n_taken += 1
+        self._tally.n_frames += len(record.counts)
+        self._watch_light(i_pose, record)
+        self._watch_clipping(i_pose, record)
+
+    def _wait_for_disk(self) -> None:
+        """Say that the disk is behind; the light is off between poses."""
+        self._control.check()
+        self._report(State.RUNNING, "waiting for the disk; the light is off")
+
+    def _between_poses(self) -> None:
+        self._control.check()
+        if self._control.pause_asked:
+            raise PausedError("interrupted")
+
+    def _watch_light(self, i_pose: int, record: PoseRecord) -> None:
+        monitor = float(record.monitor.mean())
+        if math.isnan(self._tally.monitor):
+            self._tally.monitor = monitor
+        change = monitor / self._tally.monitor - 1.0 if self._tally.monitor else math.nan
+        if abs(change) > self._rig.config.light.drift_band:
+            self._audit.note("drift", pose=i_pose, monitor=monitor, change=change)
+            self._warn(f"the light's monitor changed by {change:+.1%} since the first pose (pose {i_pose})")
+
+    def _watch_clipping(self, i_pose: int, record: PoseRecord) -> None:
+        saturation = self._rig.camera.describe().saturation_level
+        share = float((record.counts[0] >= saturation).mean())
+        if share <= CLIPPED_SHARE:
+            return
+        what = f"pose {i_pose}: {share:.1%} of the shortest exposure clips"
+        self._audit.note("clipped", pose=i_pose, share=share)
+        self._warn(f"{what}. Add a shorter exposure, or lower light.level")
+        if self._plan.when_clipped == "pause":
+            raise PausedError(f"{what}, and the protocol says to pause there")
 
     def _finish(self) -> Outcome:
         self._report(State.FINISHING, "closing the session")
         failures = self._rig.safe()
         if failures:
             raise DeviceError("; ".join(failures))
-        self._recorder.close(Status.COMPLETE)
+        self._writer.finish()
+        self._close(Finish.COMPLETE, Status.COMPLETE, "")
         self._report(State.SAFE, "complete")
-        return self._outcome("complete")
+        return self._outcome(Finish.COMPLETE, "complete")
 
-    def _leave(self, state: State, why: str) -> None:
-        """Make the rig safe, and then the file; what fails on the way is kept for the message."""
+    def _end(self, error: BaseException) -> Outcome:
+        """Make the rig safe, and then the file; return how the run ended, or raise if that is an error."""
+        finish = _finish_of(error)
         self._unsafe = self._rig.safe()
+        self._leave(finish, error)
+        if self._unsafe or finish is Finish.FAULT:
+            fault = self._fault(error)
+            raise fault from (None if fault is error else error)
+        state = State.PAUSED if finish is Finish.PAUSED else State.SAFE
+        self._report(state, str(error))
+        return self._outcome(finish, f"{str(error) or finish.value}. {self._how_to_go_on}")
+
+    def _leave(self, finish: Finish, error: BaseException) -> None:
+        """Write what waits, and close; what fails on the way is kept for the message."""
         try:
-            self._recorder.note(state.name.lower(), why=why)
-            self._recorder.close(Status.INTERRUPTED)
+            self._writer.finish()
+        except BaseException as failure:
+            if failure is not error:
+                self._unclosed = f" Not all poses could be written: {failure}."
+        try:
+            self._close(finish, Status.ABORTED if finish is Finish.ABORTED else Status.INTERRUPTED, str(error))
         except Exception as failure:
-            self._unclosed = f" The session could not be closed: {failure}."
-        self._report(state, why)
+            self._unclosed += f" The session could not be closed: {failure}."
+
+    def _close(self, finish: Finish, status: Status, why: str) -> None:
+        self._audit.note("finish", finish=finish.value, why=why, unsafe=list(self._unsafe))
+
+        def close() -> None:
+            self._recorder.write_events(self._audit.take())
+            self._recorder.close(status)
+
+        within(CLOSE_LIMIT, "closing the session", close)
+
+    def _fault(self, error: BaseException) -> BaseException:
+        """Return the error to raise, with how to go on."""
+        self._report(State.FAULT, str(error))
+        if isinstance(error, OSError) and not isinstance(error, DeviceError):
+            return OSError(error.errno, f"{error.strerror or error}. {self._how_to_go_on}")
+        if isinstance(error, DeviceError | CancelledError | PausedError | KeyboardInterrupt):
+            return CaptureFaultError(f"{str(error) or 'interrupted'}. {self._how_to_go_on}")
+        error.add_note(self._how_to_go_on)
+        return error
 
     @property
     def _n_complete(self) -> int:
-        return self._plan.n_poses - len(self._missing) + self._n_taken
+        return self._plan.n_poses - len(self._missing) + self._writer.n_written
 
     @property
     def _how_to_go_on(self) -> str:
@@ -198,21 +313,37 @@ class Run:
             f"Go on with: halfangle resume {self._path}"
         )
 
-    def _outcome(self, message: str) -> Outcome:
-        return Outcome(self.state, self._path, self._n_complete, self._plan.n_poses, message)
+    def _outcome(self, finish: Finish, message: str) -> Outcome:
+        seconds = self._rig.clock.now() - self._began
+        warnings = tuple(self._tally.warnings)
+        return Outcome(finish, self._path, self._n_complete, self._plan.n_poses, message, seconds, warnings)
 
-    def _report(self, state: State, message: str) -> None:
+    def _warn(self, warning: str) -> None:
+        if warning:
+            self._tally.warnings[warning] = None
+            self._report(self.state, warning, warning)
+
+    def _report(self, state: State, message: str, warning: str = "") -> None:
         self.state = state
-        now = time.monotonic()
-        left = len(self._missing) - self._n_taken
-        remaining = (now - self._poses_began) / self._n_taken * left if self._n_taken else math.nan
+        now, n_taken = self._rig.clock.now(), self._tally.n_taken
+        left = len(self._missing) - n_taken
         progress = Progress(
-            state,
-            self._n_complete,
-            self._plan.n_poses,
-            self._n_frames,
-            now - self._began,
-            remaining,
-            message,
+            state=state,
+            n_complete=self._n_complete,
+            n_poses=self._plan.n_poses,
+            n_frames=self._tally.n_frames,
+            elapsed=now - self._began,
+            remaining=(now - self._poses_began) / n_taken * left if n_taken else math.nan,
+            message=message,
+            warning=warning,
         )
         tell(self._watcher, progress)
+
+
+def _finish_of(error: BaseException) -> Finish:
+    """Return how a run ends that met `error`: a device that may come back pauses it, all else is a fault."""
+    if isinstance(error, CancelledError):
+        return Finish.ABORTED
+    if isinstance(error, PausedError | KeyboardInterrupt | DeviceLostError | DeviceTimeoutError):
+        return Finish.PAUSED
+    return Finish.FAULT

@@ -5,6 +5,8 @@ from __future__ import annotations
 from drivers.clock import Clock
 
 _COLD_C, _WARM_C = 24.0, 41.0
+# A drift of which less than this share is left is none: a lamp that is warm is steady to the last digit.
+_STEADY = 1e-3
 
 
 class Lamp:
@@ -65,7 +67,7 @@ class Lamp:
             return 0.0
         left = max(0.0, 1.0 - self.lit_seconds / self._warm_up_s)
         # Squared, so that the power eases into its steady value and stays there.
-        return left * left
+        return left * left if left * left > _STEADY else 0.0
 
     @property
     def power(self) -> float:

@@ -82,6 +82,8 @@ class SimulationSettings:
         Standard deviation between an axis' read-back and where it truly is.
     focal_length_error, principal_point_px : float
         Standard deviation of the true focal length (relative) and principal point (pixels).
+    real_time : bool
+        Whether the devices take their time on the computer's clock, not on a virtual one.
     """
 
     seed: int = 0
@@ -98,6 +100,7 @@ class SimulationSettings:
     axis_error_deg: float = 0.02
     focal_length_error: float = 0.003
     principal_point_px: float = 2.0
+    real_time: bool = False
 
     def __post_init__(self) -> None:
         """Refuse a scene that does not exist."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from drivers.clock import Clock
+from drivers.clock import Clock, RealClock
 from drivers.simulated import truth
 from drivers.simulated.clock import VirtualClock
 from drivers.simulated.geometry import (
@@ -74,7 +74,7 @@ class World:
 
     @classmethod
     def from_rig(cls, rig: Mapping[str, Any], clock: Clock | None = None) -> World:
-        """Build the world of a parsed rig.toml; time is virtual unless a clock is given.
+        """Build the world of a parsed rig.toml; without a clock, time is virtual unless the rig says ``real_time``.
 
         Raises
         ------
@@ -82,7 +82,8 @@ class World:
             If the scene, or another key of ``[simulation]``, does not exist.
         """
         bench = BenchSettings.from_rig(rig)
-        return cls(bench, build_scene(bench), clock or VirtualClock())
+        own = RealClock() if bench.simulation.real_time else VirtualClock()
+        return cls(bench, build_scene(bench), clock or own)
 
     def true_angles(self, position: Position | None = None) -> dict[str, float]:
         """Return where the axes truly are, in degrees, when they read `position` (default: now)."""

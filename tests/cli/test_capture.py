@@ -1,6 +1,8 @@
 import json
 import re
+import signal
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -8,8 +10,10 @@ from rich.console import Console
 
 from cli.main import halfangle, main
 from cli.progress import progress_bar
-from instrument.recorder import Recorder
+from instrument.pose_record import PoseRecord
 from instrument.session import Session
+from protocols import run
+from protocols.bracket import take_pose
 from protocols.plan import Plan
 
 RIG = """
@@ -65,21 +69,23 @@ def test_capture_writes_a_session_and_refuses_to_write_it_again(
     assert "exists and is not overwritten" in capsys.readouterr().err
 
 
-def test_an_interrupted_capture_says_how_to_resume_and_resume_completes_it(
+def test_ctrl_c_ends_a_capture_after_its_pose_and_resume_completes_it(
     files: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupt(recorder: Recorder, i_pose: int, *rest: object) -> None:
-        if i_pose == 1:
-            raise KeyboardInterrupt
-        write_pose(recorder, i_pose, *rest)
+    def take_and_interrupt(*arguments: Any) -> PoseRecord:
+        if len(taken) == 1:
+            signal.raise_signal(signal.SIGINT)
+        taken.append(take_pose(*arguments))
+        return taken[-1]
 
-    write_pose, path = Recorder.write_pose, str(tmp_path / "s.h5")
+    taken: list[PoseRecord] = []
+    path = str(tmp_path / "s.h5")
     with monkeypatch.context() as patch:
-        patch.setattr(Recorder, "write_pose", interrupt)
+        patch.setattr(run, "take_pose", take_and_interrupt)
         assert exit_code(["capture", *files, "-o", path]) == 1
-    assert f"1 of 3 poses are safe in {path}. Go on with: halfangle resume {path}" in capsys.readouterr().out
+    assert f"2 of 3 poses are safe in {path}. Go on with: halfangle resume {path}" in capsys.readouterr().out
     assert exit_code(["resume", path]) == 0
-    assert capsys.readouterr().out == f"{path}: 3 of 3 poses, complete\n"
+    assert capsys.readouterr().out.startswith(f"{path}: 3 of 3 poses, complete")
     assert exit_code(["resume", path]) == 0
     assert "already complete; there is nothing to do" in capsys.readouterr().out
     assert exit_code(["session", "verify", path]) == 0
@@ -109,7 +115,7 @@ def test_a_full_disk_is_found_before_the_capture(
     files: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(Plan, "bytes", lambda *_: 10**18)
-    assert exit_code(["capture", *files, "-o", str(tmp_path / "s.h5")]) == 1
+    assert exit_code(["capture", *files, "-o", str(tmp_path / "s.h5")]) == 2
     assert re.search(r"has \d+ MB free; the capture needs up to \d+ MB", capsys.readouterr().err)
     assert not (tmp_path / "s.h5").exists()
 

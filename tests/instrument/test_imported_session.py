@@ -23,7 +23,7 @@ from instrument.session_file import create_session
 from instrument.session_header import Provenance, SessionHeader
 from instrument.validation import InvalidInputError
 from instrument.verify import verify_session
-from protocols.engine import State, resume
+from protocols.engine import Finish, resume
 
 H, W = 16, 24
 CAMERA = CameraRecord("acme", "pocket", "", H, W, 3, "f4", 32, 0.0, np.inf, "", np.nan, np.nan)
@@ -122,7 +122,7 @@ def test_what_nobody_stated_is_none(imported: Path) -> None:
 
 
 def test_an_import_is_complete_and_cannot_be_resumed(imported: Path) -> None:
-    assert resume(imported).state is State.SAFE
+    assert resume(imported).finish is Finish.COMPLETE
     with h5py.File(imported, "r+") as file:
         file[layout.POSE_COMPLETE.path][1] = 0
     with pytest.raises(InvalidInputError, match="import the pictures again"):

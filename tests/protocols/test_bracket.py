@@ -6,11 +6,11 @@ import pytest
 from drivers.camera import Frame
 from drivers.errors import DeviceError
 from instrument.rig import Rig
-from protocols.bracket import take_darks, take_pose
-from tests.protocols.fakes import FakeBench, FakeCamera, FakeLight, FakeStage, rig_config
+from protocols.bracket import Bracket, take_darks, take_pose
+from tests.protocols.fakes import BLACK, FakeBench, FakeCamera, FakeLight, FakeStage, rig_config
 
 TARGET = {"tilt": 10.0, "turn": 20.0}
-TIMES = (0.01, 0.1)
+BRACKET = Bracket((0.01, 0.1), 0, (BLACK, BLACK))
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def alter_frames(monkeypatch: pytest.MonkeyPatch, **changes: object) -> None:
 
 
 def test_a_pose_keeps_what_the_devices_report(rig: Rig) -> None:
-    record = take_pose(rig, TARGET, TIMES, 2)
+    record = take_pose(rig, TARGET, BRACKET, 2)
     assert record.counts.shape == (2, 16, 24)
     assert record.exposure_readback.tolist() == [0.01, 0.1]
     assert record.positions == TARGET
@@ -52,27 +52,27 @@ def test_a_wrong_frame_is_refused_with_the_light_off(
 ) -> None:
     alter_frames(monkeypatch, **changes)
     with pytest.raises(DeviceError, match=message):
-        take_pose(rig, TARGET, TIMES, 1)
+        take_pose(rig, TARGET, BRACKET, 1)
     assert not bench.lit
 
 
 def test_an_exposure_time_that_did_not_take_is_refused(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FakeCamera, "set_exposure_time", lambda *_: 0.02)
     with pytest.raises(DeviceError, match=r"camera's exposure time is 0.02 s and should be 0.01 s"):
-        take_pose(rig, TARGET, TIMES, 1)
+        take_pose(rig, TARGET, BRACKET, 1)
 
 
 def test_a_stage_that_stalls_is_never_believed(rig: Rig, bench: FakeBench, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FakeStage, "read", lambda _: {"tilt": 9.9, "turn": 20.0})
     with pytest.raises(DeviceError, match=r"axis 'tilt' reads 9\.9 deg and should be at 10 within 0\.01"):
-        take_pose(rig, TARGET, TIMES, 1)
+        take_pose(rig, TARGET, BRACKET, 1)
     assert "light.on" not in bench.calls
 
 
 def test_a_light_that_stays_dark_is_found(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FakeLight, "on", lambda light, *_: light.off())
     with pytest.raises(DeviceError, match="told to shine and reports that it is dark"):
-        take_pose(rig, TARGET, TIMES, 1)
+        take_pose(rig, TARGET, BRACKET, 1)
 
 
 def test_a_light_that_goes_dark_during_the_bracket_is_found(
@@ -80,21 +80,21 @@ def test_a_light_that_goes_dark_during_the_bracket_is_found(
 ) -> None:
     monkeypatch.setattr(FakeLight, "read", lambda light: light.off())
     with pytest.raises(DeviceError, match="went dark during the bracket"):
-        take_pose(rig, TARGET, TIMES, 1)
+        take_pose(rig, TARGET, BRACKET, 1)
 
 
 def test_a_light_that_stays_on_is_found(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FakeLight, "off", FakeLight.read)
-    with pytest.raises(DeviceError, match=r"still shines\. Switch it off by hand"):
-        take_pose(rig, TARGET, TIMES, 1)
-    with pytest.raises(DeviceError, match="still shines; darks need it off"):
+    with pytest.raises(DeviceError, match=r"twice and still shines\. Switch it off by hand"):
+        take_pose(rig, TARGET, BRACKET, 1)
+    with pytest.raises(DeviceError, match="twice and still shines"):
         take_darks(rig, 0.01, 2)
 
 
 def test_darks_have_the_mean_and_variance_of_numpy(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    frames = np.random.default_rng(0).integers(0, 4096, (5, 16, 24)).astype(np.uint16)
+    frames = np.random.default_rng(0).integers(0, 400, (5, 16, 24)).astype(np.uint16)
     queue = iter(frames)
     monkeypatch.setattr(FakeCamera, "trigger", lambda _: Frame(next(queue), 0, 0.01, 30.0))
-    mean, variance, _ = take_darks(rig, 0.01, 5)
+    mean, variance, _, _ = take_darks(rig, 0.01, 5)
     np.testing.assert_allclose(mean, frames.mean(axis=0), rtol=1e-6)
     np.testing.assert_allclose(variance, frames.var(axis=0, ddof=1), rtol=1e-6)

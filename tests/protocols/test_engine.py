@@ -1,3 +1,4 @@
+import json
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from instrument.recorder import Recorder
 from instrument.session import Session
 from instrument.validation import InvalidInputError
 from instrument.verify import verify_session
-from protocols.engine import CaptureFaultError, Outcome, Progress, State, capture, resume
+from protocols.engine import CaptureFaultError, Finish, Outcome, Progress, State, capture, resume
 from tests.protocols.fakes import FakeBench, Script, fault_at, no_fault, protocol_config, rig_config
 
 
@@ -46,7 +47,8 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, object], 
 
 def test_a_capture_goes_through_darks_and_poses_in_order(whole: tuple[object, list[str]]) -> None:
     calls = [call for call in whole[1] if call != "camera.set_exposure_time"]
-    pose = ["stage.move", "light.on", *["camera.trigger", "light.read"] * 2, "light.off"]
+    # The last frame of a pose looks whether the light went out.
+    pose = ["stage.move", "light.on", *["camera.trigger", "light.read"] * 2, "light.off", "camera.trigger"]
     safe = ["light.off", "stage.stop", "camera.stop"]
     connect = ["light.connect", "stage.connect", "camera.connect", "stage.home"]
     disconnect = ["camera.disconnect", "stage.disconnect", "light.disconnect"]
@@ -57,7 +59,8 @@ def test_a_capture_goes_through_darks_and_poses_in_order(whole: tuple[object, li
 
 def test_a_capture_ends_complete_and_verified(tmp_path: Path) -> None:
     _, outcome = run(tmp_path / "s.h5")
-    assert outcome == Outcome(State.SAFE, tmp_path / "s.h5", 2, 2, "complete")
+    assert outcome is not None
+    assert outcome == Outcome(Finish.COMPLETE, tmp_path / "s.h5", 2, 2, "complete", outcome.seconds)
     assert list(verify_session(tmp_path / "s.h5")) == []
 
 
@@ -71,7 +74,7 @@ def test_after_an_error_at_any_call_the_light_is_off_and_resume_gives_the_same_d
         bench = FakeBench(fault_at({number}, error))
         try:
             outcome = capture(rig_config(), protocol_config(), path, devices=bench.devices)
-            assert outcome.state is (State.PAUSED if error is KeyboardInterrupt else State.SAFE)
+            assert outcome.finish is (Finish.PAUSED if error is KeyboardInterrupt else Finish.COMPLETE)
         except (RuntimeError, DeviceError):
             pass
         assert not bench.lit
@@ -87,10 +90,12 @@ def test_a_device_that_fails_once_costs_one_more_attempt(
     number = whole[1].index("light.read")
     _, outcome = run(tmp_path / "s.h5", fault_at({number}, DeviceError))
     assert outcome is not None
-    assert outcome.state is State.SAFE
+    assert outcome.finish is Finish.COMPLETE
     assert content(tmp_path / "s.h5") == whole[0]
     with Session(tmp_path / "s.h5") as session:
-        assert "light.read failed" in session.events[0]
+        repeated = [event for event in map(json.loads, session.events) if event["event"] == "repeated"]
+    assert [(event["what"], event["attempt"]) for event in repeated] == [("pose 0", 1)]
+    assert "light.read failed" in repeated[0]["why"]
 
 
 def test_a_device_that_keeps_failing_ends_in_a_fault_that_says_how_to_go_on(tmp_path: Path) -> None:
@@ -114,7 +119,7 @@ def test_a_device_that_keeps_failing_ends_in_a_fault_that_says_how_to_go_on(tmp_
 def test_ctrl_c_pauses_and_says_how_to_resume(tmp_path: Path) -> None:
     bench, outcome = run(tmp_path / "s.h5", fault_at({30}, KeyboardInterrupt))
     assert outcome is not None
-    assert outcome.state is State.PAUSED
+    assert outcome.finish is Finish.PAUSED
     assert f"Go on with: halfangle resume {tmp_path / 's.h5'}" in outcome.message
     assert not bench.lit
 
@@ -159,7 +164,7 @@ def test_a_disk_that_fills_up_ends_dark_and_says_how_to_go_on(tmp_path: Path, mo
         with pytest.raises(OSError, match=r"No space left on device\. The light is off; 0 of 2 poses are safe"):
             capture(rig_config(), protocol_config(), path, devices=bench.devices)
     assert not bench.lit
-    assert resume(path, devices=FakeBench().devices).state is State.SAFE
+    assert resume(path, devices=FakeBench().devices).finish is Finish.COMPLETE
 
 
 def test_a_failing_progress_callback_stops_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -167,7 +172,7 @@ def test_a_failing_progress_callback_stops_nothing(tmp_path: Path, caplog: pytes
         raise ZeroDivisionError
 
     outcome = capture(rig_config(), protocol_config(), tmp_path / "s.h5", broken, FakeBench().devices)
-    assert outcome.state is State.SAFE
+    assert outcome.finish is Finish.COMPLETE
     assert "the capture goes on" in caplog.text
 
 
@@ -177,7 +182,9 @@ def test_progress_counts_poses_and_frames_and_estimates_the_rest(tmp_path: Path)
     assert [progress.state.name for progress in seen] == [
         "PREFLIGHT", "RUNNING", "RUNNING", "RUNNING", "RUNNING", "FINISHING", "SAFE",
     ]  # fmt: skip
-    assert [progress.n_complete for progress in seen] == [0, 0, 0, 0, 1, 2, 2]
+    # Poses are written while the next one is taken; only what is on the disk counts.
+    assert [progress.n_complete for progress in seen[:4]] == [0, 0, 0, 0]
+    assert seen[-1].n_complete == 2
     assert [progress.n_frames for progress in seen] == [0, 0, 0, 4, 6, 8, 8]
     assert np.isnan(seen[3].remaining)
     assert seen[4].remaining > 0
@@ -198,7 +205,7 @@ def test_resuming_with_other_devices_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "s.h5"
     run(path, fault_at({30}, KeyboardInterrupt))
     other = FakeBench(serial_number="two")
-    with pytest.raises(DeviceError, match="the camera is 'two' and was 'one'"):
+    with pytest.raises(DeviceError, match="the camera is 'two' and should be 'one'"):
         resume(path, devices=other.devices)
     assert "stage.home" not in other.calls
 
@@ -216,7 +223,7 @@ def test_a_second_writer_in_this_program_is_refused_and_a_reader_is_not(tmp_path
             with Session(path) as session:
                 seen.append(session.status)
 
-    assert resume(path, meddle, bench.devices).state is State.SAFE
+    assert resume(path, meddle, bench.devices).finish is Finish.COMPLETE
     assert "open in this program already" in refused[0]
     assert seen == [Status.RECORDING]
     assert list(verify_session(path)) == []

@@ -16,8 +16,8 @@ from instrument.config import ProtocolConfig, RigConfig, load_protocol, load_rig
 from instrument.layout import Status
 from instrument.session import Session
 from instrument.verify import verify_session
-from protocols.dry_run import dry_run
-from protocols.engine import Progress, State, capture, resume
+from protocols.dry_run import FRAME_OVERHEAD, dry_run
+from protocols.engine import Finish, Progress, capture, resume
 
 RIG = """
 name = "small bench"
@@ -39,7 +39,7 @@ import os, signal, sys
 from instrument import layout
 from instrument.config import load_protocol, load_rig
 from instrument.recorder import Recorder
-from protocols.engine import capture
+from protocols.engine import Finish, Progress, capture, resume
 
 write, doomed = Recorder._write, getattr(layout, sys.argv[4])
 
@@ -74,7 +74,7 @@ def protocol(folder: Path) -> ProtocolConfig:
 @pytest.fixture(scope="module")
 def whole(folder: Path, rig: RigConfig, protocol: ProtocolConfig) -> Path:
     path = folder / "whole.h5"
-    assert capture(rig, protocol, path).state is State.SAFE
+    assert capture(rig, protocol, path).finish is Finish.COMPLETE
     return path
 
 
@@ -106,8 +106,8 @@ def test_a_capture_interrupted_at_a_pose_resumes_to_the_same_data(
 
     stopped: list[bool] = []
     outcome = capture(rig, protocol, tmp_path / "s.h5", stop_at_third)
-    assert (outcome.state, outcome.n_complete) == (State.PAUSED, 2)
-    assert resume(tmp_path / "s.h5").state is State.SAFE
+    assert (outcome.finish, outcome.n_complete) == (Finish.PAUSED, 2)
+    assert resume(tmp_path / "s.h5").finish is Finish.COMPLETE
     assert_same_data(tmp_path / "s.h5", whole)
 
 
@@ -123,7 +123,7 @@ def test_a_capture_killed_while_it_writes_a_pose_resumes_to_the_same_data(
         assert session.status is Status.RECORDING
         assert session.pose_complete.tolist() == [True, True, False, False]
     assert list(verify_session(path)) == []
-    assert resume(path).state is State.SAFE
+    assert resume(path).finish is Finish.COMPLETE
     assert list(verify_session(path)) == []
     assert_same_data(path, whole)
 
@@ -138,5 +138,5 @@ def test_the_estimated_time_is_within_a_tenth_of_the_simulated_one(
     clock = VirtualClock()
     capture(rig, protocol, tmp_path / "s.h5", devices=timed)
     outlook = dry_run(rig, protocol)
-    overhead = 0.05 * (outlook.n_frames + outlook.n_darks)
+    overhead = FRAME_OVERHEAD * (outlook.n_frames + outlook.n_poses + outlook.n_darks)
     assert outlook.seconds - overhead == pytest.approx(clock.now(), rel=0.1)

@@ -1,0 +1,94 @@
+"""What a session that was begun says about how to go on with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydantic import ValidationError
+
+from instrument.config import RigConfig
+from instrument.layout import Status
+from instrument.session import Session
+from instrument.validation import InvalidInputError, Problem, raise_if_any
+from instrument.verify import plan_problems
+from protocols.moved import Landmark
+from protocols.plan import Plan
+from protocols.run import Begun
+
+
+@dataclass(frozen=True, slots=True)
+class BegunSession:
+    """A captured session, whole or not.
+
+    Attributes
+    ----------
+    path : Path
+    rig : RigConfig
+        As it stood then.
+    plan : Plan
+        As frozen then.
+    begun : Begun
+        How far it came.
+    status : Status
+    serial_numbers : dict of str to str
+        Of its devices.
+    n_events : int
+        Lines that its journal holds.
+    """
+
+    path: Path
+    rig: RigConfig
+    plan: Plan
+    begun: Begun
+    status: Status
+    serial_numbers: dict[str, str]
+    n_events: int
+
+    @classmethod
+    def read(cls, path: Path) -> BegunSession:
+        """Read a session.
+
+        Raises
+        ------
+        InvalidInputError
+            If the file is no session, was damaged, or its plan was changed.
+        """
+        with Session(path) as session:
+            raise_if_any(f"{path} cannot be resumed", plan_problems(session))
+            plan = Plan.from_json(session.plan_json)
+            return cls(
+                path=path,
+                rig=_rig_from(session),
+                plan=plan,
+                begun=_begun(session, plan),
+                status=session.status,
+                serial_numbers=session.serial_numbers,
+                n_events=len(session.events),
+            )
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every pose is complete."""
+        return len(self.begun.complete) == self.plan.n_poses
+
+
+def _begun(session: Session, plan: Plan) -> Begun:
+    dark, times = session.dark, session.flat_times
+    return Begun(
+        complete=frozenset(np.flatnonzero(session.pose_complete).tolist()),
+        darkness=() if dark is None else tuple(float(frame.mean()) for frame in dark),
+        has_flats=bool(times.size and np.isfinite(times).all()),
+        landmark=Landmark.of(session, plan.targets),
+    )
+
+
+def _rig_from(session: Session) -> RigConfig:
+    try:
+        rig = RigConfig.model_validate_json(session.rig_json, strict=True)
+    except ValidationError as error:
+        problem = Problem("/entry/process_capture/rig_values", f"is no rig of this release: {error}")
+        raise InvalidInputError(f"{session.path} cannot be resumed", [problem]) from None
+    rig.remember(session.rig_text)
+    return rig

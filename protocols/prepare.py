@@ -1,0 +1,117 @@
+"""From a protocol to a plan that a connected rig can carry out, or all the reasons why it cannot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from instrument.config import ProtocolConfig
+from instrument.protocol_config import AutoConfig
+from instrument.rig import Rig
+from instrument.validation import InvalidInputError, Problem, raise_if_any
+from protocols.kept_frames import KeptFrames
+from protocols.metering import Metered, meter
+from protocols.plan import Plan
+from protocols.poses import Pose
+from protocols.preflight import preflight_problems, space_problems
+
+TITLE = "the rig cannot do this protocol"
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A protocol that a rig can carry out.
+
+    Attributes
+    ----------
+    protocol : ProtocolConfig
+    plan : Plan
+        Without scout frames, the exposure times of a metered bracket are only about right.
+    kept : KeptFrames or None
+        Darks and flats of an earlier session.
+    warnings : tuple of str
+        What does not forbid the capture.
+    chosen : tuple of mapping
+        Poses that were chosen for their information.
+    """
+
+    protocol: ProtocolConfig
+    plan: Plan
+    kept: KeptFrames | None
+    warnings: tuple[str, ...]
+    chosen: tuple[Pose, ...] = ()
+
+    def metered(self, rig: Rig) -> tuple[Prepared, Metered | None]:
+        """Return this with the bracket that scout frames ask for; unchanged where the times are stated.
+
+        Raises
+        ------
+        DeviceError
+            If a device fails, or no bracket keeps the bound.
+        InvalidInputError
+            If the darks of an earlier session do not fit the bracket.
+        """
+        auto = self.protocol.bracket.auto
+        if auto is None:
+            return self, None
+        metered = meter(rig, self.plan, auto)
+        plan = Plan.from_protocol(self.protocol, self.chosen, metered.exposure_times)
+        raise_if_any(TITLE, _kept_problems(rig, self.protocol, plan, self.kept))
+        return Prepared(self.protocol, plan, self.kept, self.warnings, self.chosen), metered
+
+
+def prepare(rig: Rig, protocol: ProtocolConfig, path: Path | None = None) -> Prepared:
+    """Return the plan of a protocol, checked against the rig.
+
+    Parameters
+    ----------
+    rig : Rig
+        Connected; nothing moves or lights.
+    protocol : ProtocolConfig
+    path : Path, optional
+        The session to write, where there must be space; not checked if not given.
+
+    Raises
+    ------
+    InvalidInputError
+        With every reason against it.
+    """
+    auto = protocol.bracket.auto
+    plan = Plan.from_protocol(protocol, exposure_times=None if auto is None else _about(auto))
+    problems = list(preflight_problems(rig, plan))
+    if path is not None:
+        problems += space_problems(rig, plan, path)
+    kept, of_kept = _read_kept(protocol)
+    problems += of_kept
+    if auto is None:
+        problems += _kept_problems(rig, protocol, plan, kept)
+    raise_if_any(TITLE, problems)
+    return Prepared(protocol, plan, kept, tuple(_warnings(rig, kept)))
+
+
+def _about(auto: AutoConfig) -> tuple[float, ...]:
+    """Return exposure times that take as long and as many bytes as a metered bracket may at most."""
+    n = auto.most_exposures if auto.shortest_s < auto.longest_s else 1
+    return tuple(np.geomspace(auto.shortest_s, auto.longest_s, n).tolist()) if n > 1 else (auto.longest_s,)
+
+
+def _read_kept(protocol: ProtocolConfig) -> tuple[KeptFrames | None, tuple[Problem, ...]]:
+    if protocol.darks_and_flats is None:
+        return None, ()
+    try:
+        return KeptFrames.read(Path(protocol.darks_and_flats.session)), ()
+    except InvalidInputError as error:
+        return None, error.problems
+
+
+def _kept_problems(rig: Rig, protocol: ProtocolConfig, plan: Plan, kept: KeptFrames | None) -> Iterator[Problem]:
+    if kept is not None and protocol.darks_and_flats is not None:
+        yield from kept.problems(protocol.darks_and_flats, rig.camera.describe(), plan.exposure_times)
+
+
+def _warnings(rig: Rig, kept: KeptFrames | None) -> Iterator[str]:
+    if kept is not None and kept.rig_text != rig.config.text:
+        yield f"the rig file was changed since {kept.path} was captured; take darks and flats anew if that matters"
