@@ -12,12 +12,18 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
+    from instrument.rig import OpenDevices
     from protocols.engine import Outcome, Progress
 
 MOST_WARNINGS = 5
 
 rig_option = click.option(
     "--rig", required=True, type=click.Path(path_type=Path), help="The rig: devices, geometry, boards (TOML)."
+)
+
+
+faults_option = click.option(
+    "--faults", type=click.Path(path_type=Path), help="A script of faults, to see what a simulated rig does (TOML)."
 )
 
 
@@ -38,29 +44,41 @@ def plan(protocol: Path, rig: Path, as_json: bool) -> None:
 @click.argument("protocol", type=click.Path(path_type=Path))
 @rig_option
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The session to write.")
-def capture(protocol: Path, rig: Path, output: Path) -> None:
-    """Capture PROTOCOL on a rig into a session file.
+@faults_option
+def capture(protocol: Path, rig: Path, output: Path, faults: Path | None) -> None:
+    """Capture PROTOCOL (TOML or Python) on a rig into a session file.
 
-    Ctrl-C ends it with the light off; `halfangle resume` goes on.
+    Ctrl-C ends it after the pose under way, a second one at once, both with the light off; `halfangle resume` goes on.
     """
     from instrument.config import load_protocol, load_rig
     from protocols import engine
 
     rig_config, protocol_config = load_rig(rig), load_protocol(protocol)
     with _bar("capture") as watch:
-        outcome = engine.capture(rig_config, protocol_config, output, watch)
+        outcome = engine.capture(rig_config, protocol_config, output, watch, _devices(faults))
     _conclude(outcome)
 
 
 @click.command(epilog="Example: halfangle resume relief.h5")
 @click.argument("session", type=click.Path(path_type=Path))
-def resume(session: Path) -> None:
+@click.option("--accept-moved", is_flag=True, help="Do not look whether the sample lies where it lay.")
+@faults_option
+def resume(session: Path, accept_moved: bool, faults: Path | None) -> None:
     """Go on with an interrupted SESSION at its first incomplete pose."""
     from protocols import engine
 
     with _bar("resume") as watch:
-        outcome = engine.resume(session, watch)
+        outcome = engine.resume(session, watch, _devices(faults), accept_moved=accept_moved)
     _conclude(outcome)
+
+
+def _devices(faults: Path | None) -> OpenDevices:
+    from functools import partial
+
+    from drivers.registry import open_devices, open_devices_with_faults
+    from instrument.fault_config import load_faults
+
+    return open_devices if faults is None else partial(open_devices_with_faults, faults=load_faults(faults))
 
 
 @contextmanager

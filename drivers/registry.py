@@ -53,6 +53,40 @@ def open_devices(rig: Mapping[str, Any]) -> Devices:
     return Devices(camera, light, stage, world.clock)
 
 
+def open_devices_with_faults(rig: Mapping[str, Any], faults: tuple[Any, ...]) -> Devices:
+    """Return the devices of a simulated rig, which go wrong as a script says.
+
+    Parameters
+    ----------
+    rig : mapping
+        As for `open_devices`.
+    faults : tuple of drivers.simulated.faults.Fault
+
+    Raises
+    ------
+    DeviceError
+        If the rig is not simulated.
+    """
+    if any(rig[kind]["driver"] != SIMULATED for kind in KINDS):
+        raise DeviceError("faults on purpose are for a simulated rig; this one is real. Leave --faults out")
+    devices = import_module("drivers.simulated.devices")
+    world, camera, light, stage = devices.open_faulty(rig, faults)
+    return Devices(camera, light, stage, world.clock)
+
+
+def open_lone_light(rig: Mapping[str, Any]) -> Light:
+    """Return the light of a rig alone, not yet connected, for the process that supervises it.
+
+    Raises
+    ------
+    DriverNotFoundError
+        If its driver is unknown.
+    """
+    _check_known("light", str(rig["light"]["driver"]))
+    light: Light = import_module("drivers.simulated.devices").open_lone_light(rig)
+    return light
+
+
 def _check_known(kind: str, name: str) -> None:
     known = KNOWN_DRIVERS[kind]
     if name not in known:

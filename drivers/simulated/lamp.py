@@ -20,6 +20,13 @@ class Lamp:
         Share of the power that is lost while it warms up.
     warm_up_s : float
         Lit seconds after which the power is steady.
+
+    Attributes
+    ----------
+    gain : float
+        What a failing supply makes of the power; 1 = nothing.
+    history : list of tuple of float
+        From when to when it shone, seconds on the clock, each time that it was switched off or on again.
     """
 
     def __init__(self, clock: Clock, warm_up_drift: float, warm_up_s: float) -> None:
@@ -30,6 +37,8 @@ class Lamp:
         self._on_since = 0.0
         self._lease_end = 0.0
         self._level = 0.0
+        self.gain = 1.0
+        self.history: list[tuple[float, float]] = []
 
     def shine(self, level: float, max_seconds: float) -> None:
         """Begin a lease, or replace the one that runs."""
@@ -40,6 +49,8 @@ class Lamp:
 
     def darken(self) -> None:
         """End the lease; what was lit until now stays counted."""
+        if self._level > 0.0:
+            self.history.append((self._on_since, min(self._clock.now(), self._lease_end)))
         self._lit_before = self.lit_seconds
         self._on_since = self._lease_end = self._clock.now()
         self._level = 0.0
@@ -72,7 +83,7 @@ class Lamp:
     @property
     def power(self) -> float:
         """Power now, relative to full level when warm."""
-        return self.level * (1.0 + self._warm_up_drift * self._cold_share)
+        return self.gain * self.level * (1.0 + self._warm_up_drift * self._cold_share)
 
     @property
     def temperature(self) -> float:

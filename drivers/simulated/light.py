@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from drivers.errors import DeviceError, DeviceLimitError
 from drivers.light import LightDescription, LightState
 from drivers.limits import Limits
-from drivers.simulated.world import World
+
+if TYPE_CHECKING:
+    # The process that supervises a light has no use for the scene.
+    from drivers.simulated.world import World
 
 _LEVEL_LIMITS = Limits(0.0, 1.0, "of full level")
 

@@ -1,0 +1,110 @@
+"""The process that owns a light's port: it switches the light off when its lease ends or its parent dies.
+
+It reads requests from its standard input, a JSON object a line, and answers each with one on its standard output. When
+the input ends, which it does however the parent ends, kill -9 included, the light goes off.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+from drivers.errors import DeviceError
+from drivers.light import Light
+from drivers.registry import open_lone_light
+
+# Seconds from one try to switch off to the next, and after which there is nothing left but to end.
+_RETRY, _LONGEST_DARKENING = 0.2, 60.0
+
+
+def supervise(light: Light, requests: int, replies: int) -> None:
+    """Serve one light until the input ends; leave it dark.
+
+    Parameters
+    ----------
+    light : Light
+        Not yet connected.
+    requests, replies : int
+        File descriptors.
+    """
+    # A Ctrl-C goes to every process of a terminal; whether the light goes off is the parent's to say.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    supervisor = _Supervisor(light)
+    try:
+        supervisor.serve(requests, replies)
+    finally:
+        supervisor.darken()
+        light.disconnect()
+
+
+class _Supervisor:
+    def __init__(self, light: Light) -> None:
+        self._light = light
+        self._lease_end: float | None = None
+        self._acts: dict[str, Callable[..., Any]] = {
+            "connect": light.connect,
+            "disconnect": light.disconnect,
+            "describe": light.describe,
+            "on": self._on,
+            "off": self._off,
+            "read": light.read,
+        }
+
+    def serve(self, requests: int, replies: int) -> None:
+        rest = b""
+        while True:
+            ready, _, _ = select.select([requests], [], [], self._seconds_left())
+            if not ready:
+                self.darken()
+                continue
+            received = os.read(requests, 65536)
+            if not received:
+                return
+            *lines, rest = (rest + received).split(b"\n")
+            for line in lines:
+                os.write(replies, json.dumps(self._answer(json.loads(line))).encode() + b"\n")
+
+    def darken(self) -> None:
+        """Switch off until the light confirms it, or for as long as makes sense."""
+        self._lease_end = None
+        end = time.monotonic() + _LONGEST_DARKENING
+        while time.monotonic() < end and not self._is_dark():
+            time.sleep(_RETRY)
+
+    def _is_dark(self) -> bool:
+        try:
+            return not self._light.off().lit
+        except DeviceError:
+            return False
+
+    def _seconds_left(self) -> float | None:
+        return None if self._lease_end is None else max(0.0, self._lease_end - time.monotonic())
+
+    def _answer(self, request: dict[str, Any]) -> dict[str, Any]:
+        try:
+            value = self._acts[request["act"]](*request.get("arguments", ()))
+        except DeviceError as error:
+            return {"error": type(error).__name__, "message": str(error)}
+        return {"value": None if value is None else asdict(value)}
+
+    def _on(self, level: float, max_seconds: float) -> Any:
+        state = self._light.on(level, max_seconds)
+        self._lease_end = time.monotonic() + max_seconds
+        return state
+
+    def _off(self) -> Any:
+        state = self._light.off()
+        if not state.lit:
+            self._lease_end = None
+        return state
+
+
+if __name__ == "__main__":
+    supervise(open_lone_light(json.loads(sys.argv[1])), sys.stdin.fileno(), sys.stdout.fileno())
