@@ -32,11 +32,12 @@ faults_option = click.option(
 @rig_option
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def plan(protocol: Path, rig: Path, as_json: bool) -> None:
-    """Say what capturing PROTOCOL would do: poses, frames, time, bytes. Nothing moves or lights."""
-    from instrument.config import load_protocol, load_rig
+    """Say what capturing PROTOCOL (TOML or Python) would do: poses, time, bytes. Nothing moves or lights."""
+    from instrument.config import load_rig
     from protocols.dry_run import dry_run
+    from protocols.python_protocol import load_any_protocol
 
-    outlook = dry_run(load_rig(rig), load_protocol(protocol))
+    outlook = dry_run(load_rig(rig), load_any_protocol(protocol))
     click.echo(json.dumps(outlook.as_dict(), indent=2) if as_json else outlook.as_text())
 
 
@@ -50,10 +51,11 @@ def capture(protocol: Path, rig: Path, output: Path, faults: Path | None) -> Non
 
     Ctrl-C ends it after the pose under way, a second one at once, both with the light off; `halfangle resume` goes on.
     """
-    from instrument.config import load_protocol, load_rig
+    from instrument.config import load_rig
     from protocols import engine
+    from protocols.python_protocol import load_any_protocol
 
-    rig_config, protocol_config = load_rig(rig), load_protocol(protocol)
+    rig_config, protocol_config = load_rig(rig), load_any_protocol(protocol)
     with _bar("capture") as watch:
         outcome = engine.capture(rig_config, protocol_config, output, watch, _devices(faults))
     _conclude(outcome)
@@ -91,12 +93,14 @@ def _bar(description: str) -> Iterator[Callable[[Progress], None]]:
 
 def _conclude(outcome: Outcome) -> None:
     from protocols.engine import Finish
+    from protocols.progress import duration
 
     for warning in outcome.warnings[:MOST_WARNINGS]:
         click.echo(f"warning: {warning}", err=True)
     if len(outcome.warnings) > MOST_WARNINGS:
         click.echo(f"warning: and {len(outcome.warnings) - MOST_WARNINGS} more, in the session's journal", err=True)
-    click.echo(f"{outcome.path}: {outcome.n_complete} of {outcome.n_poses} poses, {outcome.message}")
+    took = f" in {duration(outcome.seconds)}" if outcome.finish is Finish.COMPLETE and outcome.seconds else ""
+    click.echo(f"{outcome.path}: {outcome.n_complete} of {outcome.n_poses} poses, {outcome.message}{took}")
     if outcome.finish is not Finish.COMPLETE:
         sys.exit(1)
     if outcome.warnings:

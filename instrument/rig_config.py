@@ -34,7 +34,9 @@ class LightConfig(Settings):
     offset_mm: Vector = Field(description="from the lens, in the camera frame (x right, y down, z forward), mm")
     offset_sigma_mm: Positive = Field(description="standard deviation of each part of offset_mm, mm")
     level: float = Field(default=1.0, gt=0, le=1, description="relative brightness")
-    warm_up_s: NonNegative = Field(default=0.0, description="longest time to let it warm up, lit, seconds; 0 = none")
+    warm_up_s: NonNegative = Field(
+        default=0.0, description="time that it takes to warm up, as rated, lit, seconds; 0 = none"
+    )
     steady_per_minute: Positive = Field(default=1e-3, description="relative drift per minute of a warm light")
     drift_band: Positive = Field(default=0.05, description="relative change since it was warm that is flagged")
 

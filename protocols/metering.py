@@ -75,7 +75,8 @@ def meter(rig: Rig, plan: Plan, auto: AutoConfig) -> Metered:
     scenes = [_scout(rig, plan.target(i), shortest, longest, auto) for i in scout_poses(plan.n_poses)]
     scene = SceneRange(min(s.darkest for s in scenes), max(s.brightest for s in scenes))
     well = _FILL * (camera.saturation_level - camera.black_level) * camera.conversion_gain
-    times = fewest_exposures(scene, auto.noise, well, camera.read_noise, (shortest, longest))
+    # A hundredth is kept for rounding the times.
+    times = fewest_exposures(scene, 0.99 * auto.noise, well, camera.read_noise, (shortest, longest))
     times = tuple(dict.fromkeys(_rounded(time) for time in times))
     noise = largest_noise(times, scene, well, camera.read_noise)
     _check(times, noise, scene, well, auto)
@@ -185,8 +186,7 @@ def _check(times: tuple[float, ...], noise: float, scene: SceneRange, well: floa
     reasons = []
     if len(times) > auto.most_exposures:
         reasons.append(f"it takes {len(times)} exposures ({', '.join(f'{t:g}' for t in times)} s)")
-    # Rounding the times costs a little.
-    if noise > 1.05 * auto.noise:
+    if noise > auto.noise:
         reasons.append(f"{len(times)} exposures within the limits reach {noise:.3g}")
     if scene.brightest * times[0] > well * 1.3:
         reasons.append("the brightest parts clip in the shortest exposure allowed")

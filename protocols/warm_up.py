@@ -17,6 +17,9 @@ SAMPLE_SECONDS = 2.0
 WINDOW = 5
 """Readings over which the slope is taken."""
 
+PATIENCE = 2.0
+"""How much longer than rated a light may take."""
+
 
 @dataclass(frozen=True, slots=True)
 class WarmUp:
@@ -38,9 +41,9 @@ class WarmUp:
 
 
 def warm_up(rig: Rig) -> WarmUp:
-    """Shine until the monitor's slope is small, or for as long as the rig allows.
+    """Shine until the monitor's slope is small, or for twice as long as ``light.warm_up_s``, the rated time.
 
-    A light without a monitor shines for all of ``light.warm_up_s``: a rating of its maker then, which it is believed.
+    A light without a monitor shines for the rated time, which is all that is known of it.
 
     Raises
     ------
@@ -49,10 +52,10 @@ def warm_up(rig: Rig) -> WarmUp:
     CancelledError
         If somebody calls it off.
     """
-    light, longest = rig.config.light, rig.config.light.warm_up_s
+    light, rated = rig.config.light, rig.config.light.warm_up_s
     readings, seconds, slope = list[float](), 0.0, math.nan
     with light_on(rig.light, light.level, SAMPLE_SECONDS + 1.0):
-        while seconds < longest and not abs(slope) <= light.steady_per_minute:
+        while seconds < _longest(rated, readings) and not abs(slope) <= light.steady_per_minute:
             rig.wait(SAMPLE_SECONDS)
             seconds += SAMPLE_SECONDS
             # Told again each time: a program that dies leaves it lit for no longer than one reading.
@@ -61,6 +64,11 @@ def warm_up(rig: Rig) -> WarmUp:
             readings.append(rig.light.read().monitor)
             slope = slope_per_minute(readings)
     return WarmUp(seconds, slope, bool(abs(slope) <= light.steady_per_minute or math.isnan(readings[-1])))
+
+
+def _longest(rated: float, readings: list[float]) -> float:
+    has_monitor = bool(readings) and math.isfinite(readings[-1])
+    return PATIENCE * rated if has_monitor else rated
 
 
 def slope_per_minute(readings: list[float]) -> float:

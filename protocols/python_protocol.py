@@ -1,0 +1,91 @@
+"""Protocols in Python: a file with the tables of `protocol.toml` as values, and a generator of poses.
+
+The file is run when somebody names it on the command line; what it yields is frozen into the plan. A session keeps its
+text and never runs it.
+"""
+
+from __future__ import annotations
+
+import runpy
+import traceback
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from instrument.config import load_protocol
+from instrument.config_problems import complaints, validate
+from instrument.protocol_config import ProtocolConfig
+from instrument.validation import InvalidInputError, Problem
+
+TABLES = ("name", "sample", "bracket", "flats", "watch")
+"""What a file may state besides its poses, each as the key of that name in `protocol.toml`."""
+
+
+def load_any_protocol(path: Path) -> ProtocolConfig:
+    """Read a protocol: Python if the name ends with .py, else TOML.
+
+    Raises
+    ------
+    InvalidInputError
+        With every problem found, each with its line where there is one.
+    """
+    return load_python_protocol(path) if path.suffix == ".py" else load_protocol(path)
+
+
+def load_python_protocol(path: Path) -> ProtocolConfig:
+    """Run a file that states `name`, `bracket` ... and a function `poses()` that yields a mapping for each pose.
+
+    Raises
+    ------
+    InvalidInputError
+        If the file fails, lacks something, or what it states is no protocol.
+    """
+    text = _text(path)
+    values = _run(path)
+    missing = [key for key in ("name", "bracket", "poses") if key not in values]
+    if missing:
+        raise _unusable(path, [Problem(path.name, f"states no {key}; see examples/spiral.py") for key in missing])
+    data = {key: values[key] for key in TABLES if key in values}
+    data["poses"] = [{"axes": dict(pose)} for pose in _poses(path, values["poses"])]
+    try:
+        protocol = validate(ProtocolConfig, data)
+    except ValidationError as error:
+        problems = [Problem(path.name, what) for _, what in complaints(ProtocolConfig, error)]
+        raise _unusable(path, problems) from None
+    protocol.remember(text)
+    return protocol
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise _unusable(path, [Problem(str(path), f"cannot be read: {error}")]) from None
+
+
+def _run(path: Path) -> dict[str, Any]:
+    try:
+        return runpy.run_path(str(path))
+    except Exception as error:
+        raise _unusable(path, [_failure(path, error)]) from error
+
+
+def _poses(path: Path, generator: Any) -> list[Mapping[str, float]]:
+    try:
+        return [dict(pose) for pose in generator()]
+    except Exception as error:
+        raise _unusable(path, [_failure(path, error)]) from error
+
+
+def _failure(path: Path, error: Exception) -> Problem:
+    """Return where in the file an error arose, as far as the traceback tells."""
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+    line = getattr(error, "lineno", None) if isinstance(error, SyntaxError) else (lines[-1] if lines else None)
+    where = f"{path.name}:{line}" if line else path.name
+    return Problem(where, f"{type(error).__name__}: {error}")
+
+
+def _unusable(path: Path, problems: list[Problem]) -> InvalidInputError:
+    return InvalidInputError(f"{path} cannot be used", problems)
