@@ -5,7 +5,7 @@ NO_GUI = $$($(BIN)/python -c 'import PySide6.QtWidgets' 2>/dev/null || \
 	{ echo "tests: left out tests/gui, Qt's system libraries are missing (see make setup)" >&2; \
 	echo "-p no:pytest-qt --ignore=tests/gui"; })
 
-.PHONY: help setup demo test checks soak lint format constraints clean
+.PHONY: help setup demo test checks faults soak lint format constraints clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
@@ -22,6 +22,9 @@ test: setup ## the test suite without the longer campaigns
 
 checks: setup ## the acceptance checks; writes docs/checks.md when all pass
 	$(BIN)/pytest -q -m check --checks=docs/checks.md $(NO_GUI)
+
+faults: setup ## every fault that a capture must survive; writes docs/faults.md when all have passed
+	$(BIN)/pytest -q -m fault --faults=docs/faults.md $(NO_GUI)
 
 soak: export QT_QPA_PLATFORM = offscreen
 soak: setup ## the longer campaigns

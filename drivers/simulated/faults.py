@@ -18,7 +18,7 @@ from drivers.stage import Stage, StageDescription
 _ANY_DEVICE = {
     "error": "the device refuses",
     "garbage": "it answers nonsense",
-    "lost": "it is unplugged, and is there again when it is connected `repeats` times",
+    "lost": "it is unplugged, and is there again at the `value`th try to connect it",
     "denied": "its port may not be opened",
     "no_answer": "it does not answer within its own time limit",
     "hang": "the call does not return until the device is stopped",
@@ -137,6 +137,7 @@ class FaultScript:
         if not late or (fault.repeats and self._n_struck[fault] >= fault.repeats):
             return False
         self._n_struck[fault] += 1
+        self.world.strikes.append((self.world.clock.now(), f"{self.device}.{call}: {fault.effect}"))
         return True
 
     def _stay_gone(self, call: str) -> None:
@@ -145,7 +146,7 @@ class FaultScript:
             return
         if call == "connect":
             self._n_refused += 1
-            if self._gone.repeats and self._n_refused >= self._gone.repeats:
+            if self._n_refused >= self._gone.value:
                 self._gone = None
                 return
         raise DeviceLostError(f"the simulated {self.device} is not there. Look at its cable")

@@ -53,6 +53,8 @@ class World:
         Read-back of the stage axes in degrees.
     n_arrivals : int
         Motions begun so far; the camera counts its repetitions from each one anew.
+    strikes : list of tuple
+        When (seconds on the clock) and what went wrong on purpose so far.
     camera_matrix : ndarray, shape (3, 3)
         True, in pixels.
     distortion : ndarray, shape (4,)
@@ -68,6 +70,7 @@ class World:
         self.lamp = Lamp(clock, settings.warm_up_drift, settings.warm_up_s)
         self.position = dict.fromkeys(AXES, 0.0)
         self.n_arrivals = 0
+        self.strikes: list[tuple[float, str]] = []
         self.camera_matrix = true_camera_matrix(bench)
         self.distortion = np.array([*settings.distortion, 0.0, 0.0])
         self._mount = true_mount(bench)

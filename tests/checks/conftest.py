@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from tests.checks.page import Measurement, shown
-from tests.checks.plugin import PROPERTY
 from tests.checks.simulated import Simulated, simulate
 from tests.checks.worlds import NeutralWorld
 
@@ -42,7 +41,7 @@ class Record:
     def _write(self, what: str, value: str, limit: str) -> None:
         file = self._node.path.relative_to(self._node.config.rootpath).as_posix()
         name = getattr(self._node, "originalname", self._node.name)
-        self._node.user_properties.append((PROPERTY, Measurement(self._number, what, value, limit, file, name)))
+        self._node.user_properties.append(("check", Measurement(self._number, what, value, limit, file, name)))
 
 
 @pytest.fixture

@@ -1,22 +1,32 @@
-"""`pytest -m check --checks=FILE`: write what the acceptance checks measured, if all 20 ran and passed."""
+"""Pages that tests write of what they measured: `pytest -m check --checks=FILE`, `pytest -m fault --faults=FILE`.
+
+A page is written if all that it is about was measured and passed; else it is left as it was.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.checks.page import Measurement, missing, page
-
-PROPERTY = "check"
+from tests.checks import page as checks_page
+from tests.faults import page as faults_page
 
 
 class PageWriter:
     """Gathers what was measured and writes the page at the end of the run, or says why not."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.measured: list[Measurement] = []
+    def __init__(
+        self,
+        path: Path,
+        kind: str,
+        missing: Callable[[Sequence[Any]], list[int]],
+        page: Callable[[Sequence[Any]], str],
+    ) -> None:
+        self.path, self.kind, self._missing, self._page = path, kind, missing, page
+        self.measured: list[Any] = []
         self.failed: list[str] = []
         self.outcome = ""
 
@@ -24,7 +34,7 @@ class PageWriter:
         if report.failed or report.skipped:
             self.failed.append(report.nodeid)
         if report.when == "call":
-            self.measured += [value for name, value in report.user_properties if name == PROPERTY]
+            self.measured += [value for name, value in report.user_properties if name == self.kind]
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
         if report.failed:
@@ -33,12 +43,12 @@ class PageWriter:
     @pytest.hookimpl(tryfirst=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         reasons = [f"{name} did not pass" for name in self.failed]
-        reasons += [f"nothing was measured about pitfall {number}" for number in missing(self.measured)]
+        reasons += [f"nothing was measured about {self.kind} {number}" for number in self._missing(self.measured)]
         if reasons:
             self.outcome = "\n".join([f"{self.path} is left as it was:", *reasons])
             session.exitstatus = session.exitstatus or pytest.ExitCode.TESTS_FAILED
         else:
-            self.path.write_text(page(self.measured), encoding="utf-8")
+            self.path.write_text(self._page(self.measured), encoding="utf-8")
             self.outcome = f"wrote {self.path}"
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
@@ -47,8 +57,10 @@ class PageWriter:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--checks", type=Path, metavar="FILE", help="write what the acceptance checks measured to FILE")
+    parser.addoption("--faults", type=Path, metavar="FILE", help="write what became of each fault to FILE")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    if path := config.getoption("checks"):
-        config.pluginmanager.register(PageWriter(path), "checks page")
+    for option, kind, about in (("checks", "check", checks_page), ("faults", "fault", faults_page)):
+        if path := config.getoption(option):
+            config.pluginmanager.register(PageWriter(path, kind, about.missing, about.page), f"{option} page")
