@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib import import_module
 from typing import Any
 
 import click
 
-from drivers.errors import DeviceError
+from drivers.errors import CancelledError, DeviceError
 from instrument.validation import InvalidInputError
 
 # name -> (module:command, help line). The help lines stand here so that `--help` imports no command.
@@ -65,6 +66,17 @@ def main(arguments: list[str] | None = None) -> Any:
     except InvalidInputError as error:
         click.echo(f"halfangle: {error}", err=True)
         sys.exit(2)
-    except (DeviceError, OSError) as error:
+    except (DeviceError, CancelledError, OSError) as error:
         click.echo(f"halfangle: {error}", err=True)
-        sys.exit(1)
+        _leave(1)
+
+
+def _leave(code: int) -> None:
+    """End the program; at once where HDF5 would crash on a file that it could not write."""
+    # Only a command that recorded has imported it.
+    recorder = sys.modules.get("instrument.recorder")
+    if recorder is not None and recorder.any_abandoned():
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    sys.exit(code)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import re
 import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import h5py
 import numpy as np
@@ -19,7 +23,20 @@ from instrument.event_lines import event_line
 from instrument.layout import Field, Status
 from instrument.pose_record import PoseRecord
 from instrument.preview import fraction, preview
-from instrument.session_file import HDF5_FORMAT, check_space, sync
+from instrument.session_file import HDF5_FORMAT, check_space, release, reserve, sync
+
+# Files in which a write failed. HDF5 can neither write such a file any more nor close it without a risk of crashing the
+# program, so they stay open to its end; what was complete is on the disk.
+_ABANDONED: list[h5py.File] = []
+
+
+def any_abandoned() -> bool:
+    """Return whether a file of this process was abandoned after a failed write: HDF5 may crash at its regular end."""
+    return bool(_ABANDONED)
+
+
+# Room for HDF5's own bookkeeping and some lines of the journal, besides the pictures that are written at a time.
+_BOOKKEEPING = 2**19
 
 
 class Recorder:
@@ -38,14 +55,15 @@ class Recorder:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._file = _open_alone(path)
-        started = datetime.fromisoformat(self._file[layout.START_TIME.path].asstr()[()])
+        self._file: h5py.File | None = None
+        file = self._file = _open_alone(path)
+        started = datetime.fromisoformat(file[layout.START_TIME.path].asstr()[()])
         # From here on time runs by the monotonic clock; the wall clock only joins the parts of a session.
         offset = (datetime.now(UTC) - started).total_seconds()
         self._monotonic_start = time.monotonic_ns() - round(offset * 1e9)
-        self._write(layout.STATUS, Status.RECORDING)
-        self._write(layout.END_TIME, "")
-        sync(self._file)
+        with self._writing():
+            self._write(layout.STATUS, Status.RECORDING)
+            self._write(layout.END_TIME, "")
 
     def __enter__(self) -> Self:
         return self
@@ -73,26 +91,34 @@ class Recorder:
         temperature : list of float, length E, optional
             Of the sensor, degrees Celsius; None where the session has no place for it.
         """
-        self._write(layout.DARK, mean)
-        self._write(layout.DARK_VARIANCE, variance)
-        if temperature is not None:
-            self._write(layout.DARK_TEMPERATURE, temperature)
-        # The times say that the darks are whole, so they reach the disk after them.
-        sync(self._file)
-        self._write(layout.DARK_TIMESTAMP, self._seconds(np.asarray(when_ns)))
-        sync(self._file)
+        with self._writing(mean.nbytes + variance.nbytes):
+            self._write(layout.DARK, mean)
+            self._write(layout.DARK_VARIANCE, variance)
+            if temperature is not None:
+                self._write(layout.DARK_TEMPERATURE, temperature)
+            # The times say that the darks are whole, so they reach the disk after them.
+            self._sync()
+            self._write(layout.DARK_TIMESTAMP, self._seconds(np.asarray(when_ns)))
 
     def write_flats(self, frames: NDArray[np.uint16], exposure_times: list[float]) -> None:
         """Write the frames of an even plane, shape (F, H, W), counts, with their exposure times in seconds."""
-        for i, frame in enumerate(frames):
-            self.write_beside(layout.FLAT_IMAGES, i, frame)
-        # The times say that the frames are whole, so they reach the disk after them.
-        sync(self._file)
-        self._write(layout.FLAT_TIME, exposure_times)
-        sync(self._file)
+        check_space(self._path, frames.nbytes)
+        with self._writing(frames.nbytes):
+            for i, frame in enumerate(frames):
+                self._write(layout.FLAT_IMAGES, frame, i)
+            # The times say that the frames are whole, so they reach the disk after them.
+            self._sync()
+            self._write(layout.FLAT_TIME, exposure_times)
 
-    def write_pose(self, i_pose: int, record: PoseRecord) -> None:
+    def write_pose(self, i_pose: int, record: PoseRecord, events: Sequence[str] = ()) -> None:
         """Write one pose and then mark it complete, each flushed: a reader never sees half a pose.
+
+        Parameters
+        ----------
+        i_pose : int
+        record : PoseRecord
+        events : sequence of str
+            Lines of the journal that go with it, as `write_events` takes them.
 
         Raises
         ------
@@ -100,42 +126,69 @@ class Recorder:
             If the disk is full or fails.
         """
         check_space(self._path, record.counts.nbytes)
-        self._write_frames(i_pose, record)
-        self._write_settings(i_pose, record)
-        self._file.flush()
-        self._write(layout.POSE_COMPLETE, 1, i_pose)
-        sync(self._file)
+        with self._writing(record.counts.nbytes) as file:
+            self._write_frames(i_pose, record)
+            self._write_settings(i_pose, record)
+            self._append_events(events)
+            file.flush()
+            self._write(layout.POSE_COMPLETE, 1, i_pose)
 
     def write_beside(self, field: Field, i: int, picture: NDArray[np.uint16] | NDArray[np.float32]) -> None:
         """Write picture `i` of those beside the poses: of ambient light, of a flat field, for the response."""
         check_space(self._path, picture.nbytes)
-        self._write(field, picture, i)
+        with self._writing(picture.nbytes):
+            self._write(field, picture, i)
 
     def note(self, event: str, **details: object) -> None:
         """Append a line to the journal's events; it reaches the disk with the next pose, or on closing."""
         self.write_events([event_line(event, details)])
 
-    def write_events(self, lines: list[str]) -> None:
+    def write_events(self, lines: Sequence[str]) -> None:
         """Append lines that `instrument.event_lines` made, as `note` does."""
-        if not self._file or not lines:
-            return
-        events = self._file[layout.EVENTS.path]
-        events.resize(events.shape[0] + len(lines), axis=0)
-        events[-len(lines) :] = np.array([line.encode() for line in lines], dtype=events.dtype)
+        if self._file and lines:
+            with self._writing():
+                self._append_events(lines)
 
     def close(self, status: Status) -> None:
         """Write how it ended and when, and close; does nothing the second time."""
         if not self._file:
             return
         try:
-            self._write(layout.STATUS, status)
-            self._write(layout.END_TIME, datetime.now(UTC).isoformat())
-            sync(self._file)
+            with self._writing():
+                self._write(layout.STATUS, status)
+                self._write(layout.END_TIME, datetime.now(UTC).isoformat())
         finally:
-            self._file.close()
+            # Nothing waits to be written, unless the file was abandoned.
+            if self._file:
+                self._file.close()
+
+    @contextmanager
+    def _writing(self, n_bytes: int = 0) -> Iterator[h5py.File]:
+        """Give the file to write `n_bytes` of pictures to, and hand them to the disk after the block.
+
+        A file that fails all the same is abandoned, since HDF5 may crash when it is touched again.
+
+        Raises
+        ------
+        OSError
+            If the file was abandoned or is closed, or cannot be written now.
+        """
+        file = self._file
+        if not file:
+            raise OSError(errno.EBADF, f"{self._path} is not open to write: a write failed before, or it was closed")
+        # Pictures that do not compress grow by a little.
+        reserve(file, n_bytes + n_bytes // 100 + _BOOKKEEPING)
+        try:
+            yield file
+            sync(file)
+            release(file)
+        except (OSError, RuntimeError) as error:
+            _ABANDONED.append(file)
+            self._file = None
+            raise _as_os_error(error, self._path) from error
 
     def _write_frames(self, i_pose: int, record: PoseRecord) -> None:
-        black, saturation = (self._file[field.path][()] for field in (layout.BLACK_LEVEL, layout.SATURATION))
+        black, saturation = (self._read(field) for field in (layout.BLACK_LEVEL, layout.SATURATION))
         at = (i_pose, record.i_exposure)
         digests = [frame_digest(frame) for frame in record.counts]
         saturated = fraction(record.counts >= saturation)
@@ -160,17 +213,44 @@ class Recorder:
         self._write(layout.MONITOR, record.monitor, at)
         self._write(layout.LIGHT_TEMPERATURE, record.light_temperature, at)
         self._write(layout.ATTEMPTS, record.attempts, i_pose)
-        if layout.REFERENCE.path in self._file:
+        if self._has(layout.REFERENCE):
             self._write(layout.REFERENCE, record.reference, i_pose)
         for axis, position in record.positions.items():
             self._write(layout.axis_field(axis, "value"), position, i_pose)
 
+    def _append_events(self, lines: Sequence[str]) -> None:
+        if lines:
+            events = self._open[layout.EVENTS.path]
+            events.resize(events.shape[0] + len(lines), axis=0)
+            events[-len(lines) :] = np.array([line.encode() for line in lines], dtype=events.dtype)
+
     def _write(self, field: Field, value: object, at: object = ()) -> None:
-        self._file[field.path][at] = value
+        self._open[field.path][at] = value
+
+    def _read(self, field: Field) -> Any:
+        return self._open[field.path][()]
+
+    def _has(self, field: Field) -> bool:
+        return field.path in self._open
+
+    def _sync(self) -> None:
+        sync(self._open)
+
+    @property
+    def _open(self) -> h5py.File:
+        assert self._file is not None
+        return self._file
 
     def _seconds(self, monotonic_ns: NDArray[np.int64]) -> NDArray[np.float64]:
         since_start = (monotonic_ns - self._monotonic_start) / 1e9
         return np.where(monotonic_ns > 0, since_start, np.nan)
+
+
+def _as_os_error(error: Exception, path: Path) -> OSError:
+    """Return an error of HDF5, which hides the system's number in its text, as one of the system."""
+    hidden = re.search(r"errno = (\d+)", str(error))
+    number = int(hidden.group(1)) if hidden else getattr(error, "errno", None) or errno.EIO
+    return OSError(number, f"{path} cannot be written: {os.strerror(number)}")
 
 
 def _open_alone(path: Path) -> h5py.File:

@@ -17,6 +17,10 @@ from instrument.session_tree import write_tree
 HDF5_FORMAT = ("v108", "v108")
 
 
+# Bytes that are made sure of for a file without frames: its tables, previews and darks.
+_LARGEST_START = 2**28
+
+
 class SessionExistsError(FileExistsError):
     """A capture would overwrite a file."""
 
@@ -40,8 +44,10 @@ def create_session(path: Path, header: SessionHeader, planned_bytes: int) -> Non
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with h5py.File(part, "w", libver=HDF5_FORMAT) as file:
+            reserve(file, min(planned_bytes, _LARGEST_START))
             write_tree(file, header)
             sync(file)
+            release(file)
         part.rename(path)
     finally:
         part.unlink(missing_ok=True)
@@ -70,3 +76,35 @@ def sync(file: h5py.File) -> None:
     """Hand everything to the disk, not only to the operating system."""
     file.flush()
     os.fsync(file.id.get_vfd_handle())
+
+
+def reserve(file: h5py.File, n_bytes: int) -> None:
+    """Take room from the disk before HDF5 needs it: a write of its own that fails can leave a file that never opens.
+
+    Parameters
+    ----------
+    file : h5py.File
+        Open to write, with nothing written since the last `sync`.
+    n_bytes : int
+        What is written next, at most.
+
+    Raises
+    ------
+    InsufficientSpaceError
+        If the disk, or a quota, does not give it; the file is as it was.
+    """
+    # Without this call (not on Linux) only `check_space` stands between a full disk and the file.
+    if not hasattr(os, "posix_fallocate"):
+        return
+    descriptor = file.id.get_vfd_handle()
+    try:
+        os.posix_fallocate(descriptor, os.fstat(descriptor).st_size, n_bytes)
+    except OSError as error:
+        release(file)
+        why = f"there is no room for the next {n_bytes / 1e6:.1f} MB: {error.strerror}. Free some space, then go on"
+        raise InsufficientSpaceError(error.errno, why) from None
+
+
+def release(file: h5py.File) -> None:
+    """Give back what was reserved and not used; nothing may have been written since the last `sync`."""
+    os.ftruncate(file.id.get_vfd_handle(), file.id.get_filesize())

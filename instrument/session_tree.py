@@ -73,6 +73,9 @@ def _create(file: h5py.File, field: Field, header: SessionHeader, shape: tuple[i
         options = {"chunks": (1,) * n_leading + shape[n_leading:], **hdf5plugin.Bitshuffle(cname="lz4")}
     elif field is layout.EVENTS:
         options = {"maxshape": (None,), "chunks": (64,)}
+    else:
+        # From the start, so that a disk that fills up later does so at a frame, where room is made sure of first.
+        options["dcpl"] = _allocated_early()
     if dtype.kind == "f":
         options["fillvalue"] = np.nan
     # A value that is known brings its own shape: not all letters have a size in every session.
@@ -81,6 +84,12 @@ def _create(file: h5py.File, field: Field, header: SessionHeader, shape: tuple[i
     if field.units:
         dataset.attrs["units"] = field.units
     return dataset
+
+
+def _allocated_early() -> h5py.h5p.PropDCID:
+    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    properties.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    return properties
 
 
 def _dtype(field: Field, header: SessionHeader) -> str:

@@ -6,6 +6,7 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
+from drivers.errors import CancelledError
 from drivers.registry import open_devices
 from instrument.audit import AuditLog
 from instrument.config import ProtocolConfig, RigConfig
@@ -17,7 +18,7 @@ from instrument.session_file import create_session, refuse_existing
 from instrument.validation import InvalidInputError, Problem, raise_if_any
 from instrument.verify import plan_problems
 from protocols.begun import BegunSession
-from protocols.control import Control
+from protocols.control import Control, obeying_signals
 from protocols.header import session_header
 from protocols.metering import Metered
 from protocols.preflight import preflight_problems
@@ -68,12 +69,19 @@ def capture(
         If a device kept failing; the light is off, and `resume` goes on.
     OSError
         If there is a file at `path`, the disk is too small, or writing fails.
+    CancelledError
+        If somebody asked to stop before anything began.
     """
     path, control = Path(path), control or Control()
     refuse_existing(path)
     tell(progress, Progress.at_start(State.PREFLIGHT, 0, 0))
-    with closing(AuditLog(path)) as audit, Rig.connected(rig_config, devices, control.cancel, audit.note) as rig:
+    with (
+        obeying_signals(control),
+        closing(AuditLog(path)) as audit,
+        Rig.connected(rig_config, devices, control.cancel, audit.note) as rig,
+    ):
         prepared, metered = prepare(rig, protocol_config, path).metered(rig)
+        _stop_if_asked(control)
         _create(rig, prepared, path)
         audit.begin()
         _note_begin(audit, rig, prepared, metered)
@@ -116,16 +124,24 @@ def resume(
         return _close_complete(session)
     tell(progress, Progress.at_start(State.PREFLIGHT, len(session.begun.complete), session.plan.n_poses))
     with (
+        obeying_signals(control),
         closing(AuditLog(session.path, session.n_events)) as audit,
         Rig.connected(session.rig, devices, control.cancel, audit.note) as rig,
     ):
         rig.check_serial_numbers(session.serial_numbers)
         raise_if_any("the rig cannot go on", preflight_problems(rig, session.plan))
+        _stop_if_asked(control)
         begun = replace(session.begun, landmark=None) if accept_moved else session.begun
         recorder = Recorder(session.path)
         audit.begin()
         audit.note("resumed", n_complete=len(begun.complete), accept_moved=accept_moved)
         return Run(rig, recorder, audit, session.plan, session.path, begun, control, progress).run()
+
+
+def _stop_if_asked(control: Control) -> None:
+    """Raise `CancelledError` if somebody asked to stop before anything began."""
+    if control.pause_asked or control.cancel.is_set():
+        raise CancelledError("interrupted before the first motion; nothing was written")
 
 
 def _create(rig: Rig, prepared: Prepared, path: Path) -> None:

@@ -18,7 +18,7 @@ from instrument.pose_record import PoseRecord
 from instrument.recorder import Recorder
 from instrument.rig import Rig
 from protocols.bracket import CLIPPED_SHARE, Bracket, move_verified, take_darks, take_flats, take_pose
-from protocols.control import Control, obeying_signals
+from protocols.control import Control
 from protocols.moved import Landmark, check_not_moved, light_changed
 from protocols.plan import Plan
 from protocols.progress import Finish, Outcome, Progress, State, Watcher, tell
@@ -135,12 +135,11 @@ class Run:
         OSError
             If the session cannot be written.
         """
-        with obeying_signals(self._control):
-            try:
-                self._capture()
-                return self._finish()
-            except BaseException as error:
-                return self._end(error)
+        try:
+            self._capture()
+            return self._finish()
+        except BaseException as error:
+            return self._end(error)
 
     def _capture(self) -> None:
         self._audit.note("run", plan=self._plan.sha256, missing=len(self._missing), rig=self._rig.config.name)

@@ -102,8 +102,7 @@ class PoseWriter:
     def _run(self) -> None:
         try:
             while (item := self._queue.get()) is not None:
-                self._recorder.write_pose(*item)
-                self._recorder.write_events(self._audit.take())
+                self._recorder.write_pose(*item, self._audit.take())
                 self._n_written += 1
         except BaseException as error:
             self._error = error

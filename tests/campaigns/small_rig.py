@@ -51,7 +51,7 @@ def run_resume(path: str) -> None:
 def processes() -> ForkServerContext:
     """Return what starts processes in milliseconds: they are copies of one that has imported everything."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([__name__, "tests.campaigns.warm"])
+    context.set_forkserver_preload(["tests.faults.bench", "tests.campaigns.warm"])
     return context
 
 

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+import resource
+import shutil
+import signal
+import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +20,10 @@ from drivers.simulated.faults import Fault
 from drivers.simulated.world import World
 from instrument.config import ProtocolConfig, RigConfig
 from instrument.config_problems import validate
+from instrument.layout import Field
+from instrument.pose_record import PoseRecord
+from instrument.recorder import Recorder
+from instrument.rig import Rig
 from instrument.session import Session
 from instrument.verify import verify_session
 from protocols.engine import CaptureFaultError, Finish, Outcome, capture, resume
@@ -117,3 +126,45 @@ def only_whole_poses(path: Path) -> bool:
     """Whether every pose that counts as complete has all its frames."""
     with Session(path) as session:
         return bool(session.frame_ok[session.pose_complete].all())
+
+
+def capture_and_die(path: str, number: int) -> None:
+    """Capture, and end by SIGKILL before write `number` to the file (in a process of its own)."""
+    write, n_writes = Recorder._write, 0
+
+    def write_or_die(self: Recorder, field: Field, value: object, at: object = ()) -> None:
+        nonlocal n_writes
+        if n_writes == number:
+            os.kill(os.getpid(), signal.SIGKILL)
+        n_writes += 1
+        write(self, field, value, at)
+
+    Recorder._write = write_or_die  # type: ignore[method-assign]
+    capture(rig_config(), protocol_config(), path, devices=FaultyBench().devices)
+
+
+def hold_rig(flag: str) -> None:
+    """Hold the rig until killed (in a process of its own); `flag` is a file to say that it is held."""
+    with Rig.connected(rig_config(), FaultyBench().devices):
+        Path(flag).touch()
+        time.sleep(60.0)
+
+
+def capture_on_full_disk(path: str, said: str, n_bytes: int, others: Path | None) -> None:
+    """Capture where files may not grow beyond `n_bytes`, or where file `others` takes all space after a pose."""
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    write_pose, faulty = Recorder.write_pose, FaultyBench()
+
+    def write_pose_and_fill(self: Recorder, i_pose: int, record: PoseRecord, events: Sequence[str]) -> None:
+        if i_pose == 1 and others is not None:
+            others.write_bytes(bytes(shutil.disk_usage(others.parent).free))
+        write_pose(self, i_pose, record, events)
+
+    Recorder.write_pose = write_pose_and_fill  # type: ignore[method-assign]
+    if n_bytes:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, resource.RLIM_INFINITY))
+    try:
+        capture(rig_config(), protocol_config(), path, devices=faulty.devices)
+    except OSError as error:
+        assert faulty.world is not None
+        Path(said).write_text(f"{error} lit: {faulty.world.lamp.level > 0.0}")
