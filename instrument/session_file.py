@@ -18,7 +18,9 @@ HDF5_FORMAT = ("v108", "v108")
 
 
 # Bytes that are made sure of for a file without frames: its tables, previews and darks.
-_LARGEST_START = 2**28
+_SMALLEST_START, _LARGEST_START = 2**20, 2**28
+# What a disk says that has no room; anything else means that its file system cannot promise any.
+_NO_ROOM = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 
 
 class SessionExistsError(FileExistsError):
@@ -44,7 +46,7 @@ def create_session(path: Path, header: SessionHeader, planned_bytes: int) -> Non
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with h5py.File(part, "w", libver=HDF5_FORMAT) as file:
-            reserve(file, min(planned_bytes, _LARGEST_START))
+            reserve(file, min(max(planned_bytes, _SMALLEST_START), _LARGEST_START))
             write_tree(file, header)
             sync(file)
             release(file)
@@ -101,6 +103,8 @@ def reserve(file: h5py.File, n_bytes: int) -> None:
         os.posix_fallocate(descriptor, os.fstat(descriptor).st_size, n_bytes)
     except OSError as error:
         release(file)
+        if error.errno not in _NO_ROOM:
+            return
         why = f"there is no room for the next {n_bytes / 1e6:.1f} MB: {error.strerror}. Free some space, then go on"
         raise InsufficientSpaceError(error.errno, why) from None
 
