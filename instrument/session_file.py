@@ -18,7 +18,7 @@ HDF5_FORMAT = ("v108", "v108")
 
 
 # Bytes that are made sure of for a file without frames: its tables, previews and darks.
-_SMALLEST_START, _LARGEST_START = 2**20, 2**28
+_SMALLEST_START, _LARGEST_START = 2**18, 2**28
 # What a disk says that has no room; anything else means that its file system cannot promise any.
 _NO_ROOM = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 
