@@ -91,10 +91,15 @@ class Run:
 
 
 def run(
-    path: Path, *faults: Fault, rig: RigConfig | None = None, watcher: Watcher | None = None, **bracket: Any
+    path: Path,
+    *faults: Fault,
+    rig: RigConfig | None = None,
+    watcher: Watcher | None = None,
+    bench_class: type[FaultyBench] = FaultyBench,
+    **bracket: Any,
 ) -> Run:
     """Capture with faults; return what became of it, whatever that is (`finish` is None if it was refused)."""
-    bench = FaultyBench(faults)
+    bench = bench_class(faults)
     try:
         outcome = capture(rig or rig_config(), protocol_config(**bracket), path, watcher, bench.devices)
     except CaptureFaultError as error:
@@ -130,6 +135,17 @@ def only_whole_poses(path: Path) -> bool:
 
 def capture_and_die(path: str, number: int) -> None:
     """Capture, and end by SIGKILL before write `number` to the file (in a process of its own)."""
+    _die_at_write(number)
+    capture(rig_config(), protocol_config(), path, devices=FaultyBench().devices)
+
+
+def resume_and_die(path: str, number: int) -> None:
+    """Resume, else as `capture_and_die`."""
+    _die_at_write(number)
+    resume(path, devices=FaultyBench().devices)
+
+
+def _die_at_write(number: int) -> None:
     write, n_writes = Recorder._write, 0
 
     def write_or_die(self: Recorder, field: Field, value: object, at: object = ()) -> None:
@@ -140,7 +156,6 @@ def capture_and_die(path: str, number: int) -> None:
         write(self, field, value, at)
 
     Recorder._write = write_or_die  # type: ignore[method-assign]
-    capture(rig_config(), protocol_config(), path, devices=FaultyBench().devices)
 
 
 def hold_rig(flag: str) -> None:
