@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -228,6 +230,13 @@ class Session(BesideReader):
     def pose_digests(self) -> list[str]:
         """SHA-256 over each pose's frame digests, P texts; empty where not captured."""
         return self._texts(layout.POSE_DIGEST)
+
+    @property
+    def versions(self) -> dict[str, Any]:
+        """Versions of what wrote the session, firmware of its devices, digests of its texts and of its calibrations."""
+        text = self._text(layout.VERSIONS)
+        with self._reading(layout.VERSIONS):
+            return dict(json.loads(text))
 
     @property
     def events(self) -> list[str]:

@@ -66,6 +66,8 @@ def _describe_note(group: h5py.Group, kind: str) -> None:
 
 def _create(file: h5py.File, field: Field, header: SessionHeader, shape: tuple[int, ...], value: Any) -> h5py.Dataset:
     dtype = h5py.string_dtype() if field.dtype == "str" else np.dtype(_dtype(field, header))
+    # A value that is known brings its own shape: not all letters have a size in every session.
+    shape = shape if value is None or isinstance(value, str) else np.shape(value)
     options: dict[str, Any] = {}
     if field.dtype == "frame":
         # Lossless, half the size at 2 ms more a frame; one frame a chunk, so that none needs its neighbours.
@@ -78,8 +80,6 @@ def _create(file: h5py.File, field: Field, header: SessionHeader, shape: tuple[i
         options["dcpl"] = _allocated_early()
     if dtype.kind == "f":
         options["fillvalue"] = np.nan
-    # A value that is known brings its own shape: not all letters have a size in every session.
-    shape = shape if value is None or isinstance(value, str) else np.shape(value)
     dataset = file.create_dataset(field.path, shape, dtype, data=value, **options)
     if field.units:
         dataset.attrs["units"] = field.units

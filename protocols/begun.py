@@ -75,10 +75,11 @@ class BegunSession:
 
 
 def _begun(session: Session, plan: Plan) -> Begun:
-    dark, times = session.dark, session.flat_times
+    dark, times, temperatures = session.dark, session.flat_times, session.dark_temperatures
     return Begun(
         complete=frozenset(np.flatnonzero(session.pose_complete).tolist()),
         darkness=() if dark is None else tuple(float(frame.mean()) for frame in dark),
+        dark_temperature=np.nan if dark is None or temperatures is None else float(temperatures.mean()),
         has_flats=bool(times.size and np.isfinite(times).all()),
         landmark=Landmark.of(session, plan.targets),
     )

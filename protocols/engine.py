@@ -166,9 +166,14 @@ def _note_begin(audit: AuditLog, rig: Rig, prepared: Prepared, metered: Metered 
 
 def _known(prepared: Prepared) -> Begun:
     """Return what a new session holds before its first pose: the darks of an earlier one."""
-    if prepared.kept is None:
+    kept, config = prepared.kept, prepared.protocol.darks_and_flats
+    if kept is None or config is None:
         return Begun()
-    return Begun(darkness=prepared.kept.darkness(prepared.plan.exposure_times))
+    return Begun(
+        darkness=kept.darkness(prepared.plan.exposure_times),
+        dark_temperature=kept.temperature,
+        temperature_band=config.largest_temperature_difference,
+    )
 
 
 def _with_warnings(outcome: Outcome, warnings: tuple[str, ...]) -> Outcome:

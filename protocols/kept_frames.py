@@ -109,6 +109,12 @@ class KeptFrames:
                 has = ", ".join(f"{t:g}" for t in self.exposure_times)
                 yield Problem(WHERE, f"{self.path} has no dark of {time:g} s; it has {has} s")
 
+    @property
+    def temperature(self) -> float:
+        """Of the sensor at the darks, degrees Celsius; NaN where it is not known."""
+        known = self.values.get(layout.DARK_TEMPERATURE)
+        return np.nan if known is None else float(known.mean())
+
     def darkness(self, times: tuple[float, ...]) -> tuple[float, ...]:
         """Return the mean counts of the darks of exposure times `times` (seconds), all known."""
         return tuple(float(frame.mean()) for frame in self.for_times(times)[layout.DARK])

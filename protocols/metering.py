@@ -29,6 +29,8 @@ N_SCOUTS = 8
 _SCOUT_RATIO = 8.0
 # Of the range above black that an exposure may fill: the power differs from pose to pose, and so does a highlight.
 _FILL = 0.8
+# Products of times and radiances are as exact as this; what just fits must fit.
+_ROUNDING = 1e-6
 # Share of the pixels that may be brighter than the bracket is made for.
 _GLINTS = 1e-4
 
@@ -119,9 +121,9 @@ def fewest_exposures(
 def largest_noise(times: Sequence[float], scene: SceneRange, well: float, read_noise: float) -> float:
     """Return the largest relative noise of the merged radiance over the range of a scene."""
     # It is largest at the dark end, and just above each radiance at which an exposure clips.
-    edges = [well / time * (1.0 + 1e-9) for time in times]
+    edges = [well / time * (1.0 + 2.0 * _ROUNDING) for time in times]
     radiances = [scene.darkest, *(L for L in edges if scene.darkest < L < scene.brightest)]
-    worst = min(_information([t for t in times if t * L <= well], L, read_noise) for L in radiances)
+    worst = min(_information([t for t in times if t * L <= well * (1.0 + _ROUNDING)], L, read_noise) for L in radiances)
     return 1.0 / math.sqrt(worst) if worst > 0.0 else math.inf
 
 

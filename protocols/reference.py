@@ -11,12 +11,15 @@ from scipy.spatial.transform import Rotation
 
 from drivers.camera import CameraDescription
 from drivers.stage import StageDescription
+from instrument.board_config import Rectangle
 from instrument.rig_config import RigConfig
 
 Array = NDArray[np.float64]
 
-# White is what is brighter than most of a board: half of it is ink, and of the rest part is marker.
-_WHITE_QUANTILE = 0.85
+# White is what is brighter than most of a board with its margin: half of it is ink, and of the rest part is marker.
+_WHITE_QUANTILE = 0.9
+# Of a square, on each side: the paper round a board is white too.
+_MARGIN = 0.5
 
 
 class ReferencePatch:
@@ -35,7 +38,9 @@ class ReferencePatch:
 
     def __init__(self, rig: RigConfig, camera: CameraDescription, stage: StageDescription) -> None:
         self._rig, self._camera, self._stage = rig, camera, stage
-        self._rectangles = [board.rectangle for board in rig.boards if board.rectangle is not None]
+        self._rectangles = [
+            _grown(board.rectangle, _MARGIN * board.square_mm) for board in rig.boards if board.rectangle is not None
+        ]
 
     def brightness(self, counts: NDArray[np.uint16], exposure_times: Array, positions: Mapping[str, float]) -> float:
         """Return the brightness of the patch in one bracket, counts per second; NaN where no board is in sight.
@@ -54,9 +59,7 @@ class ReferencePatch:
         seen = [value for value in values if math.isfinite(value)]
         return float(np.mean(seen)) if seen else math.nan
 
-    def _board(
-        self, counts: NDArray[np.uint16], times: Array, rotation: Array, rectangle: tuple[float, float, float, float]
-    ) -> float:
+    def _board(self, counts: NDArray[np.uint16], times: Array, rotation: Array, rectangle: Rectangle) -> float:
         left, bottom, right, top = rectangle
         corners = np.array([(left, bottom, 0.0), (right, bottom, 0.0), (right, top, 0.0), (left, top, 0.0)])
         columns, rows = self._pixels(corners @ rotation.T)
@@ -89,6 +92,11 @@ class ReferencePatch:
         to_light = np.array([x, -y, distance - z]) - point
         r = float(np.linalg.norm(to_light))
         return max(float(to_light @ normal) / r, 1e-3) * (distance / r) ** 2
+
+
+def _grown(rectangle: Rectangle, by: float) -> Rectangle:
+    left, bottom, right, top = rectangle
+    return left - by, bottom - by, right + by, top + by
 
 
 def rotation_of(stage: StageDescription, positions: Mapping[str, float]) -> Array:

@@ -49,6 +49,10 @@ class Begun:
         Poses that are whole.
     darkness : tuple of float, length E
         Mean counts of its darks; empty where it has none yet.
+    dark_temperature : float
+        Of the sensor at its darks, degrees Celsius; NaN where not known, or where they are taken in this run.
+    temperature_band : float
+        How far the sensor may be from it before that is told.
     has_flats : bool
         Whether its flat frames are whole.
     landmark : Landmark or None
@@ -57,6 +61,8 @@ class Begun:
 
     complete: Collection[int] = ()
     darkness: tuple[float, ...] = ()
+    dark_temperature: float = math.nan
+    temperature_band: float = 5.0
     has_flats: bool = False
     landmark: Landmark | None = None
 
@@ -214,6 +220,7 @@ class Run:
         self._tally.n_taken += 1
         self._tally.n_frames += len(record.counts)
         self._watch_light(i_pose, record)
+        self._watch_sensor(record)
         self._watch_clipping(i_pose, record)
 
     def _wait_for_disk(self) -> None:
@@ -234,6 +241,15 @@ class Run:
         if abs(change) > self._rig.config.light.drift_band:
             self._audit.note("drift", pose=i_pose, monitor=monitor, change=change)
             self._warn(f"the light's monitor changed by {change:+.1%} since the first pose (pose {i_pose})")
+
+    def _watch_sensor(self, record: PoseRecord) -> None:
+        warmer = float(record.sensor_temperature.mean()) - self._begun.dark_temperature
+        if self._tally.n_taken == 1 and abs(warmer) > self._begun.temperature_band:
+            self._audit.note("temperature", warmer=warmer)
+            self._warn(
+                f"the sensor is {abs(warmer):.1f} degrees {'warmer' if warmer > 0 else 'colder'} than at the darks "
+                f"(allowed {self._begun.temperature_band:g}). Take new darks"
+            )
 
     def _watch_clipping(self, i_pose: int, record: PoseRecord) -> None:
         saturation = self._rig.camera.describe().saturation_level
