@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 def frame_digest(counts: NDArray[np.uint16] | NDArray[np.float32]) -> str:
     """Return the hex SHA-256 of a frame's values, little-endian, in reading order."""
-    return sha256(np.ascontiguousarray(counts, counts.dtype.newbyteorder("<")).tobytes()).hexdigest()
+    return sha256(np.ascontiguousarray(counts, counts.dtype.newbyteorder("<")).data).hexdigest()
 
 
 def chain_digest(digests: Iterable[str]) -> str:

@@ -53,7 +53,7 @@ def preview(
 
 def fraction(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return the share of pixels set in each frame; mask (E, H, W) or (E, H, W, 3) to shape (E,)."""
-    return np.asarray(mask.reshape(len(mask), -1).mean(axis=1), dtype=np.float64)
+    return np.array([np.count_nonzero(frame) / frame.size for frame in mask])
 
 
 def _block(height: int, width: int) -> int:

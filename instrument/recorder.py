@@ -188,7 +188,8 @@ class Recorder:
             raise _as_os_error(error, self._path) from error
 
     def _write_frames(self, i_pose: int, record: PoseRecord) -> None:
-        black, saturation = (self._read(field) for field in (layout.BLACK_LEVEL, layout.SATURATION))
+        # Whole numbers where they are some: to compare counts with floating-point numbers takes ten times as long.
+        black, saturation = (_whole(self._read(field)) for field in (layout.BLACK_LEVEL, layout.SATURATION))
         at = (i_pose, record.i_exposure)
         digests = [frame_digest(frame) for frame in record.counts]
         saturated = fraction(record.counts >= saturation)
@@ -244,6 +245,10 @@ class Recorder:
     def _seconds(self, monotonic_ns: NDArray[np.int64]) -> NDArray[np.float64]:
         since_start = (monotonic_ns - self._monotonic_start) / 1e9
         return np.where(monotonic_ns > 0, since_start, np.nan)
+
+
+def _whole(level: float) -> int | float:
+    return int(level) if float(level).is_integer() else float(level)
 
 
 def _as_os_error(error: Exception, path: Path) -> OSError:

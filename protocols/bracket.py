@@ -233,11 +233,11 @@ def check_lit_and_dark_again(rig: Rig, shots: list[Shot], bracket: Bracket) -> N
     """
     camera = rig.camera.describe()
     scale = camera.saturation_level - camera.black_level
-    seen = [float(shot.frame.counts.mean()) - bracket.darkness[shot.i_exposure] for shot in shots]
+    seen = [_mean(shot.frame) - bracket.darkness[shot.i_exposure] for shot in shots]
     bright = [k for k, signal in enumerate(seen) if signal > 0.01 * scale] or [int(np.argmax(seen))]
     shot = min((shots[k] for k in bright), key=lambda shot: bracket.times[shot.i_exposure])
     after = _expose(rig.camera, bracket.times[shot.i_exposure])
-    lit, dark = float(shot.frame.counts.mean()), float(after.counts.mean())
+    lit, dark = _mean(shot.frame), _mean(after)
     darkness = bracket.darkness[shot.i_exposure]
     if dark - darkness > max(0.5 * (lit - darkness), 0.005 * scale):
         _confirm_dark(rig.light)
@@ -253,8 +253,17 @@ def _shows_anything(lit: Frame, dark: Frame, camera: CameraDescription) -> bool:
     """Return whether a frame in the light has anything that the one in the dark has not."""
     noise = camera.read_noise / camera.conversion_gain
     noise = noise if np.isfinite(noise) else 1.0
-    brightest = float(np.quantile(lit.counts, 0.999)) - float(np.quantile(dark.counts, 0.999))
-    return bool(brightest > 3.0 * noise or lit.counts.mean() - dark.counts.mean() > 0.5 * noise)
+    brightest = float(np.quantile(_sample(lit), 0.999)) - float(np.quantile(_sample(dark), 0.999))
+    return bool(brightest > 3.0 * noise or _mean(lit) - _mean(dark) > 0.5 * noise)
+
+
+def _mean(frame: Frame) -> float:
+    return float(_sample(frame).mean())
+
+
+def _sample(frame: Frame) -> NDArray[np.uint16]:
+    """Return a ninth of the pixels, of all colours, which tells light from dark as well and costs no time."""
+    return frame.counts[::3, ::3]
 
 
 def _why_black(light: LightState) -> str:
