@@ -232,6 +232,16 @@ class Session(BesideReader):
         return self._texts(layout.POSE_DIGEST)
 
     @property
+    def uuid(self) -> str:
+        """What tells this session from all others."""
+        return self._text(layout.UUID)
+
+    @property
+    def monitor(self) -> NDArray[np.float64]:
+        """Reading of the light's own photodiode at each frame, shape (P, E), relative; NaN where there is none."""
+        return self._array(layout.MONITOR)
+
+    @property
     def versions(self) -> dict[str, Any]:
         """Versions of what wrote the session, firmware of its devices, digests of its texts and of its calibrations."""
         text = self._text(layout.VERSIONS)

@@ -79,13 +79,22 @@ def take_pose(
         If any device fails or does not confirm what it was told; the light was told to go off then.
     """
     positions = move_verified(rig.stage, target)
-    level = rig.config.light.level
-    with light_on(rig.light, level, lease_seconds(bracket.times)):
+    return _record(rig, take_bracket(rig, bracket), positions, attempt, patch)
+
+
+def take_bracket(rig: Rig, bracket: Bracket) -> list[Shot]:
+    """Take the bracket where the stage stands, in the light; return its shots, exposure times ascending.
+
+    Raises
+    ------
+    DeviceError
+        As `take_pose`.
+    """
+    with light_on(rig.light, rig.config.light.level, lease_seconds(bracket.times)):
         shots = _take_shots(rig, bracket)
     check_order(shots)
     check_lit_and_dark_again(rig, shots, bracket)
-    shots.sort(key=lambda shot: shot.i_exposure)
-    return _record(rig, shots, level, positions, attempt, patch)
+    return sorted(shots, key=lambda shot: shot.i_exposure)
 
 
 def clips(frame: Frame, camera: CameraDescription) -> bool:
@@ -312,7 +321,6 @@ def _check_close(what: str, value: float, wanted: float, tolerance: float) -> No
 def _record(
     rig: Rig,
     shots: list[Shot],
-    level: float,
     positions: Mapping[str, float],
     attempt: int,
     patch: ReferencePatch | None,
@@ -325,7 +333,7 @@ def _record(
         exposure_readback=times,
         sensor_temperature=np.array([shot.frame.sensor_temperature for shot in shots]),
         monotonic_ns=np.array([shot.monotonic_ns for shot in shots]),
-        level_set=level,
+        level_set=rig.config.light.level,
         level_readback=np.array([shot.light.level for shot in shots]),
         monitor=np.array([shot.light.monitor for shot in shots]),
         light_temperature=np.array([shot.light.temperature for shot in shots]),
