@@ -25,8 +25,9 @@ Array = NDArray[np.float64]
 N_CASES, WIDEST_NORMAL_DEG = 180, 25.0
 """Normals of a relief, spread evenly over a cap about the plate's."""
 ROUGHNESS_FACTORS = (1.0 / 1.6, 1.0, 1.6)
-PRIOR_SIGMA = np.array([0.3, 0.3, 1.0, 1.0, 0.7])
-"""What is known before the first view, one standard deviation, in the order of `PARAMETERS`."""
+PRIOR_SIGMA = np.array([0.3, 0.3, 1.0, 0.3, 0.3])
+"""What is known beside the views of a pixel, one standard deviation, in the order of `PARAMETERS`: a relief, and that
+pixels share their materials, so that lobes are known better than one pixel tells."""
 RELATIVE, SHOT, READ = 0.01, 0.006, 0.001
 """Noise as shares of a white plate's radiance W: RELATIVE L (what differs from view to view, the power of the light
 above all), SHOT sqrt(L W), READ W."""

@@ -16,6 +16,7 @@ from instrument.validation import InvalidInputError, Problem
 from protocols.information import expected_cases, information_vectors, prior_information
 from protocols.nominal_geometry import lens_and_light
 from protocols.pose_order import in_short_order
+from protocols.rough_material import dot
 
 Array = NDArray[np.float64]
 Pose = Mapping[str, float]
@@ -62,10 +63,9 @@ def choose_poses(
 
 @dataclass(frozen=True)
 class Criterion:
-    """Expected error of a set of views: the mean over the cases of sqrt(tr(A C)), degrees; A-optimal.
+    """Expected error of a set of views: the geometric mean over the cases of sqrt(tr(A C)), degrees; A-optimal.
 
-    The mean of the root is the expected error itself; a case that no view tells of counts with what was known
-    beforehand.
+    By the geometric mean a pixel that is hard to measure, or that no view tells of, counts no more than another.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class Criterion:
 
     def value(self, views: Sequence[int]) -> float:
         """Return the expected error of a set of views, degrees."""
-        return float(np.sqrt(_trace(self.loss @ self._covariance(views))).mean())
+        return float(_typical(_trace(self.loss @ self._covariance(views))))
 
     def with_one_more(self, views: Sequence[int]) -> Array:
         """Return the expected error, degrees, of the set with each of the V views added, shape (V,).
@@ -109,13 +109,18 @@ class Criterion:
         """
         C = self._covariance(views)
         Cu = self.u @ C
-        gain = np.sum(Cu @ self.loss * Cu, axis=-1) / (1.0 + np.sum(self.u * Cu, axis=-1))
-        return np.asarray(np.sqrt(np.maximum(_trace(self.loss @ C)[:, None] - gain, 0.0)).mean(axis=0))
+        gain = dot(Cu @ self.loss, Cu) / (1.0 + dot(self.u, Cu))
+        return _typical(_trace(self.loss @ C)[:, None] - gain)
 
     def _covariance(self, views: Sequence[int]) -> Array:
         """C of a set of views, shape (K, 5, 5)."""
         u = self.u[:, list(views)]
         return np.asarray(np.linalg.inv(self.known + np.swapaxes(u, 1, 2) @ u))
+
+
+def _typical(loss: Array) -> Array:
+    """Return the geometric mean over the first axis of the roots."""
+    return np.asarray(np.exp(0.5 * np.log(loss).mean(axis=0)))
 
 
 def _trace(matrices: Array) -> Array:
@@ -167,12 +172,13 @@ def _candidates(
 
 
 def _positions(axis: AxisDescription) -> list[float]:
-    """Return the grid of an axis, from 0 outwards; an axis that travels has the position next to 0 only."""
+    """Return the grid of an axis, from 0 outwards and once round; one that travels has the position next to 0 only."""
     low, high = axis.soft_limits.low, axis.soft_limits.high
     if axis.kind == "translation":
         return [min(max(0.0, low), high)]
     steps = np.arange(np.ceil(low / STEP_DEG), np.floor(high / STEP_DEG) + 1.0)
-    return sorted((STEP_DEG * steps + 0.0).tolist(), key=lambda position: (abs(position), -position))
+    positions = sorted((STEP_DEG * steps + 0.0).tolist(), key=lambda position: (abs(position), -position))
+    return positions[: round(360.0 / STEP_DEG)]
 
 
 def _too_few(n_candidates: int, choice: ChosenConfig) -> Problem:

@@ -74,7 +74,7 @@ def radiance(unknowns: Numbers, frame: Numbers, to_lens: Numbers, to_light: Numb
 
 def dot(a: Numbers, b: Numbers) -> Numbers:
     """Return the sum of products over the last axis, nothing conjugated."""
-    return np.asarray((a * b).sum(axis=-1))
+    return np.asarray(np.einsum("...i,...i->...", a, b))
 
 
 def unit(vectors: Numbers) -> Numbers:
