@@ -194,7 +194,7 @@ def _curve_error(fits: PixelFits, curve: Array | None) -> float:
     return float(np.nanmedian(np.sqrt(np.mean((ratio - 1.0) ** 2, axis=(1, 2)))))
 
 
-def of_stack(sample: Sample, poses: Poses) -> Figures:
+def figures_of_stack(sample: Sample, poses: Poses) -> Figures:
     """Reconstruct a sample from a stack with known geometry."""
     stack = sample.stack(poses)
     begin = time.perf_counter()
@@ -202,7 +202,7 @@ def of_stack(sample: Sample, poses: Poses) -> Figures:
     return figures(result, sample.curve, time.perf_counter() - begin)
 
 
-def of_chain(rig: RigConfig, poses: Poses) -> Figures:
+def figures_of_chain(rig: RigConfig, poses: Poses) -> Figures:
     """Capture, calibrate and reconstruct the rig's sample."""
     bracket = load_protocol(EXAMPLES / "hdr_sweep.toml").bracket
     protocol = ProtocolConfig(
@@ -239,9 +239,9 @@ def main(seed: int, reliefs: int, chain: bool) -> None:
     click.echo("| sample | poses | mean, deg | median, deg | 95 %, deg | BRDF, % | s |\n|---|---|---|---|---|---|---|")
     for sample in samples(rig, seed, reliefs):
         for name, poses in sets.items():
-            click.echo(row(sample.name, name, of_stack(sample, poses)))
+            click.echo(row(sample.name, name, figures_of_stack(sample, poses)))
     for name, poses in sets.items() if chain else ():
-        click.echo(row(f"whole chain, seed {rig.simulation.seed}", name, of_chain(rig, poses)))
+        click.echo(row(f"whole chain, seed {rig.simulation.seed}", name, figures_of_chain(rig, poses)))
 
 
 if __name__ == "__main__":

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.stage import AxisDescription
 from instrument.chosen_config import ChosenConfig
 from instrument.rig_config import RigConfig
 from instrument.validation import InvalidInputError, Problem
-from protocols.information import expected_cases, information_vectors, prior_information
+from protocols.criterion import Criterion, Pose
 from protocols.nominal_geometry import lens_and_light
 from protocols.pose_order import in_short_order
-from protocols.rough_material import dot
-
-Array = NDArray[np.float64]
-Pose = Mapping[str, float]
 
 STEP_DEG = 5.0
 """Between the positions of a rotation axis that are candidates."""
@@ -38,7 +32,8 @@ def choose_poses(
     rig : RigConfig
         Says where lens and light stand, and the area.
     axes : sequence of AxisDescription
-        The stage's, from the base to the sample. Those that travel stay where they are next to 0.
+        The stage's, from the base to the sample. The two rotations next to the sample are used; what else there is
+        stays where it is next to 0.
     choice : ChosenConfig
     already : sequence of mapping
         Poses that were taken: what they tell is known, and none of them is chosen again.
@@ -59,72 +54,6 @@ def choose_poses(
     criterion = Criterion.of(rig, axes, choice, candidates, already)
     chosen = _exchanged(criterion, _greedy(criterion, choice.count))
     return in_short_order([candidates[i] for i in chosen])
-
-
-@dataclass(frozen=True)
-class Criterion:
-    """Expected error of a set of views: the geometric mean over the cases of sqrt(tr(A C)), degrees; A-optimal.
-
-    By the geometric mean a pixel that is hard to measure, or that no view tells of, counts no more than another.
-
-    Attributes
-    ----------
-    u : ndarray, shape (K, V, 5)
-        Of all views, as of `information_vectors`.
-    known : ndarray, shape (K, 5, 5)
-        Information before any of the views.
-    loss : ndarray, shape (K, 5, 5)
-        A.
-    """
-
-    u: Array
-    known: Array
-    loss: Array
-
-    @classmethod
-    def of(
-        cls,
-        rig: RigConfig,
-        axes: Sequence[AxisDescription],
-        choice: ChosenConfig,
-        poses: Sequence[Pose],
-        already: Sequence[Pose] = (),
-    ) -> Criterion:
-        """Return the criterion of sets of `poses`, those `already` taken being known."""
-        cases = expected_cases(rig, choice)
-        u, taken = (
-            information_vectors(cases, *lens_and_light(rig, axes, some), rig.geometry.working_distance_mm)
-            for some in (poses, already)
-        )
-        return cls(u, prior_information() + np.swapaxes(taken, 1, 2) @ taken, cases.loss)
-
-    def value(self, views: Sequence[int]) -> float:
-        """Return the expected error of a set of views, degrees."""
-        return float(_typical(_trace(self.loss @ self._covariance(views))))
-
-    def with_one_more(self, views: Sequence[int]) -> Array:
-        """Return the expected error, degrees, of the set with each of the V views added, shape (V,).
-
-        By (M + u u^T)^-1 = C - C u u^T C / (1 + u^T C u) [sherman1950].
-        """
-        C = self._covariance(views)
-        Cu = self.u @ C
-        gain = dot(Cu @ self.loss, Cu) / (1.0 + dot(self.u, Cu))
-        return _typical(_trace(self.loss @ C)[:, None] - gain)
-
-    def _covariance(self, views: Sequence[int]) -> Array:
-        """C of a set of views, shape (K, 5, 5)."""
-        u = self.u[:, list(views)]
-        return np.asarray(np.linalg.inv(self.known + np.swapaxes(u, 1, 2) @ u))
-
-
-def _typical(loss: Array) -> Array:
-    """Return the geometric mean over the first axis of the roots."""
-    return np.asarray(np.exp(0.5 * np.log(loss).mean(axis=0)))
-
-
-def _trace(matrices: Array) -> Array:
-    return np.asarray(np.trace(matrices, axis1=-2, axis2=-1))
 
 
 def _greedy(criterion: Criterion, count: int) -> list[int]:
@@ -162,8 +91,9 @@ def _candidates(
     rig: RigConfig, axes: Sequence[AxisDescription], choice: ChosenConfig, already: Sequence[Pose]
 ) -> list[dict[str, float]]:
     """Return poses on a grid within the limits, one for each place of the lens about the sample, none of `already`."""
-    names = [axis.name for axis in axes]
-    poses = [dict(zip(names, at, strict=True)) for at in product(*(_positions(axis) for axis in axes))]
+    used = [axis.name for axis in axes if axis.kind == "rotation"][-2:]
+    positions = {axis.name: _positions(axis) if axis.name in used else [_rest(axis)] for axis in axes}
+    poses = [dict(zip(positions, at, strict=True)) for at in product(*positions.values())]
     lens, _ = lens_and_light(rig, axes, [*already, *poses])
     allowed = lens[:, 2] >= np.cos(np.deg2rad(choice.largest_tilt_deg)) * np.linalg.norm(lens, axis=1) - _SAME_MM
     # The first of equal places is kept: that with the smallest positions, positive ones before negative ones.
@@ -172,13 +102,15 @@ def _candidates(
 
 
 def _positions(axis: AxisDescription) -> list[float]:
-    """Return the grid of an axis, from 0 outwards and once round; one that travels has the position next to 0 only."""
+    """Return the grid of a rotation, from 0 outwards and once round at most."""
     low, high = axis.soft_limits.low, axis.soft_limits.high
-    if axis.kind == "translation":
-        return [min(max(0.0, low), high)]
     steps = np.arange(np.ceil(low / STEP_DEG), np.floor(high / STEP_DEG) + 1.0)
     positions = sorted((STEP_DEG * steps + 0.0).tolist(), key=lambda position: (abs(position), -position))
     return positions[: round(360.0 / STEP_DEG)]
+
+
+def _rest(axis: AxisDescription) -> float:
+    return min(max(0.0, axis.soft_limits.low), axis.soft_limits.high)
 
 
 def _too_few(n_candidates: int, choice: ChosenConfig) -> Problem:
