@@ -1,7 +1,8 @@
 """Do 25 chosen views what 65 on a grid do? python -m benchmarks.chosen_poses.
 
 Every sample is seen at the 65 poses of examples/hdr_sweep.toml, at 25 poses on rings and at the 25 poses of
-examples/chosen_poses.toml, and reconstructed with the program's own choices. First as stacks with known geometry and
+examples/chosen_poses.toml, and reconstructed with the program's own choices; the 25 with the same exposures a pose,
+and with the same light in all, which the time saved on motion pays for. First as stacks with known geometry and
 noise: reliefs of measured materials, none of which is the rough one that the choice assumes, and the simulated
 samples at the rig's true positions. Then by the whole chain on the simulated rig: capture, calibration, reconstruction.
 """
@@ -33,7 +34,7 @@ from drivers.simulated.stage import SimulatedStage
 from drivers.simulated.world import World
 from drivers.stage import AxisDescription
 from instrument.config import ProtocolConfig, RigConfig, load_protocol, load_rig
-from instrument.protocol_config import PoseConfig
+from instrument.protocol_config import BracketConfig, PoseConfig
 from protocols.engine import capture
 from protocols.nominal_geometry import lens_and_light
 from protocols.plan import Plan
@@ -45,8 +46,31 @@ SIZE, NOISE = 40, 0.01
 CHAIN_PITCH_MM = 0.5
 THETA_H = np.deg2rad(np.linspace(3.0, 55.0, 14))
 """Half angles at which curves are judged, the same whatever was seen."""
+SAME_LIGHT_S = (0.002, 0.004, 0.01, 0.02, 0.05, 0.075)
+"""Exposures at 25 poses that sum up to those of the sweep's three at 65."""
 RINGS = ((0.0, 1), (20.0, 7), (35.0, 8), (50.0, 9))
 """Tilt and number of the 25 poses on rings, to the tilt of the grid."""
+
+
+@dataclass(frozen=True)
+class Views:
+    """Poses, and how much light is spent on each.
+
+    Attributes
+    ----------
+    name : str
+    poses : tuple of dict
+        Positions by axis.
+    exposure_times : tuple of float
+        Seconds, at each pose.
+    noise : float
+        One sigma of a radiance in a stack, relative.
+    """
+
+    name: str
+    poses: Poses
+    exposure_times: tuple[float, ...]
+    noise: float = NOISE
 
 
 @dataclass(frozen=True)
@@ -57,13 +81,13 @@ class Sample:
     ----------
     name : str
     stack : callable
-        From poses to a registered stack with its truth.
+        From views to a registered stack with its truth.
     curve : ndarray, shape (P, T, 3)
         True BRDF on the slice at `THETA_H`, 1/sr.
     """
 
     name: str
-    stack: Callable[[Poses], Stack]
+    stack: Callable[[Views], Stack]
     curve: Array
 
 
@@ -87,16 +111,22 @@ class Figures:
     seconds: float
 
 
-def pose_sets(rig: RigConfig) -> dict[str, Poses]:
-    """Return the poses that are compared, by what they are called."""
-    plan = Plan.from_protocol(load_protocol(EXAMPLES / "hdr_sweep.toml"))
-    config = load_protocol(EXAMPLES / "chosen_poses.toml").chosen
+def all_views(rig: RigConfig) -> tuple[Views, ...]:
+    """Return what is compared."""
+    sweep, config = load_protocol(EXAMPLES / "hdr_sweep.toml"), load_protocol(EXAMPLES / "chosen_poses.toml").chosen
     assert config is not None
-    return {
-        f"{plan.n_poses} on a grid": tuple(plan.target(i) for i in range(plan.n_poses)),
-        "25 on rings": tuple({"tilt": t, "turn": (360.0 * i / n + t) % 360.0} for t, n in RINGS for i in range(n)),
-        f"{config.count} chosen": choose_poses(rig, stage_axes(rig), config),
-    }
+    plan, times = Plan.from_protocol(sweep), sweep.bracket.exposure_times_s
+    grid = tuple(plan.target(i) for i in range(plan.n_poses))
+    rings = tuple({"tilt": t, "turn": (360.0 * i / n + t) % 360.0} for t, n in RINGS for i in range(n))
+    chosen = choose_poses(rig, stage_axes(rig), config)
+    less_noise = NOISE * (len(chosen) / len(grid)) ** 0.5
+    return (
+        Views(f"{len(grid)} on a grid", grid, times),
+        Views("25 on rings", rings, times),
+        Views("25 chosen", chosen, times),
+        Views("25 on rings, same light", rings, SAME_LIGHT_S, less_noise),
+        Views("25 chosen, same light", chosen, SAME_LIGHT_S, less_noise),
+    )
 
 
 def stage_axes(rig: RigConfig) -> tuple[AxisDescription, ...]:
@@ -123,13 +153,14 @@ def measured_relief(rig: RigConfig, seed: int, table: str) -> Sample:
     """Return a relief of five materials drawn from a published table."""
     axes = stage_axes(rig)
 
-    def scene(poses: Poses) -> Scene:
-        lens, _ = lens_and_light(rig, axes, poses)
+    def scene(views: Views) -> Scene:
+        lens, _ = lens_and_light(rig, axes, views.poses)
         directions = lens / np.linalg.norm(lens, axis=1, keepdims=True)
-        return relief(SIZE, len(poses), NOISE, seed, table=table, poses=directions, floor=DARK_FLOOR)
+        floor = DARK_FLOOR * views.noise / NOISE
+        return relief(SIZE, len(directions), views.noise, seed, table=table, poses=directions, floor=floor)
 
-    curve = scene(({"tilt": 0.0, "turn": 0.0},)).curve(half_angles())
-    return Sample(f"relief of {table}, seed {seed}", lambda poses: scene(poses).stack, curve)
+    curve = scene(Views("facing", ({"tilt": 0.0, "turn": 0.0},), ())).curve(half_angles())
+    return Sample(f"relief of {table}, seed {seed}", lambda views: scene(views).stack, curve)
 
 
 def half_angles() -> Array:
@@ -142,12 +173,12 @@ def simulated_sample(rig: RigConfig, name: str, seed: int) -> Sample:
     simulation = rig.simulation.model_copy(update={"scene": name, "seed": seed})
     world = world_of(rig.model_copy(update={"simulation": simulation}))
     grid = Grid(SIZE, SIZE, rig.geometry.area_mm[0] / SIZE)
-    return Sample(f"simulated {name}, seed {seed}", lambda poses: _seen(world, grid, poses), _curves(world, grid))
+    return Sample(f"simulated {name}, seed {seed}", lambda views: _seen(world, grid, views), _curves(world, grid))
 
 
-def _seen(world: World, grid: Grid, poses: Poses) -> Stack:
+def _seen(world: World, grid: Grid, views: Views) -> Stack:
     """Return a stack at the true positions; shadows are dark, what the lens does not see is missing."""
-    x, y = np.moveaxis(grid.points()[..., :2], -1, 0)
+    poses, (x, y) = views.poses, np.moveaxis(grid.points()[..., :2], -1, 0)
     lens = np.stack([world.camera_in_sample(pose) for pose in poses])
     light = np.stack([world.light_in_sample(pose) for pose in poses])
     radiance = [
@@ -155,7 +186,8 @@ def _seen(world: World, grid: Grid, poses: Poses) -> Stack:
         for a, b in zip(lens, light, strict=True)
     ]
     seen = np.stack([world.sees(x, y, a) for a in lens])[..., None]
-    noisy, variance = with_noise(np.stack(radiance), NOISE, np.random.default_rng(world.bench.simulation.seed))
+    rng, floor = np.random.default_rng(world.bench.simulation.seed), DARK_FLOOR * views.noise / NOISE
+    noisy, variance = with_noise(np.stack(radiance), views.noise, rng, floor)
     truth = world.truth(x, y)
     return Stack(
         radiance=np.where(seen, noisy, np.float32(np.nan)),
@@ -194,19 +226,20 @@ def _curve_error(fits: PixelFits, curve: Array | None) -> float:
     return float(np.nanmedian(np.sqrt(np.mean((ratio - 1.0) ** 2, axis=(1, 2)))))
 
 
-def figures_of_stack(sample: Sample, poses: Poses) -> Figures:
+def figures_of_stack(sample: Sample, views: Views) -> Figures:
     """Reconstruct a sample from a stack with known geometry."""
-    stack = sample.stack(poses)
+    stack = sample.stack(views)
     begin = time.perf_counter()
     result = reconstruct(stack)
     return figures(result, sample.curve, time.perf_counter() - begin)
 
 
-def figures_of_chain(rig: RigConfig, poses: Poses) -> Figures:
+def figures_of_chain(rig: RigConfig, views: Views) -> Figures:
     """Capture, calibrate and reconstruct the rig's sample."""
-    bracket = load_protocol(EXAMPLES / "hdr_sweep.toml").bracket
     protocol = ProtocolConfig(
-        name="compared", bracket=bracket, poses=tuple(PoseConfig(axes=dict(pose)) for pose in poses)
+        name=views.name,
+        bracket=BracketConfig(exposure_times_s=views.exposure_times),
+        poses=tuple(PoseConfig(axes=dict(pose)) for pose in views.poses),
     )
     with TemporaryDirectory() as folder:
         session, stack_file = Path(folder) / "session.h5", Path(folder) / "area.stack.h5"
@@ -218,11 +251,11 @@ def figures_of_chain(rig: RigConfig, poses: Poses) -> Figures:
         return figures(result, None, time.perf_counter() - begin)
 
 
-def row(sample: str, poses: str, what: Figures) -> str:
+def row(sample: str, views: str, what: Figures) -> str:
     """Return a line of the table."""
     curve = "" if np.isnan(what.curve) else f"{100 * what.curve:.2f}"
     return (
-        f"| {sample} | {poses} | {what.mean:.3f} | {what.median:.3f} | {what.p95:.3f} | {curve} | {what.seconds:.0f} |"
+        f"| {sample} | {views} | {what.mean:.3f} | {what.median:.3f} | {what.p95:.3f} | {curve} | {what.seconds:.0f} |"
     )
 
 
@@ -234,14 +267,14 @@ def main(seed: int, reliefs: int, chain: bool) -> None:
     """Print the table of docs/chosen-poses.md."""
     rig = load_rig(EXAMPLES / "simulated.toml")
     begin = time.perf_counter()
-    sets = pose_sets(rig)
-    click.echo(f"25 poses chosen in {time.perf_counter() - begin:.1f} s\n")
-    click.echo("| sample | poses | mean, deg | median, deg | 95 %, deg | BRDF, % | s |\n|---|---|---|---|---|---|---|")
+    views = all_views(rig)
+    click.echo(f"poses chosen in {time.perf_counter() - begin:.1f} s\n")
+    click.echo("| sample | views | mean, deg | median, deg | 95 %, deg | BRDF, % | s |\n|---|---|---|---|---|---|---|")
     for sample in samples(rig, seed, reliefs):
-        for name, poses in sets.items():
-            click.echo(row(sample.name, name, figures_of_stack(sample, poses)))
-    for name, poses in sets.items() if chain else ():
-        click.echo(row(f"whole chain, seed {rig.simulation.seed}", name, figures_of_chain(rig, poses)))
+        for some in views:
+            click.echo(row(sample.name, some.name, figures_of_stack(sample, some)))
+    for some in views if chain else ():
+        click.echo(row(f"whole chain, seed {rig.simulation.seed}", some.name, figures_of_chain(rig, some)))
 
 
 if __name__ == "__main__":
