@@ -11,15 +11,19 @@ from drivers.stage import AxisDescription
 from instrument.chosen_config import ChosenConfig
 from instrument.rig_config import RigConfig
 from instrument.validation import InvalidInputError, Problem
-from protocols.criterion import Criterion, Pose
+from protocols.criterion import Array, Criterion, Pose
 from protocols.nominal_geometry import lens_and_light
 from protocols.pose_order import in_short_order
 
 STEP_DEG = 5.0
 """Between the positions of a rotation axis that are candidates."""
+LEAST_APART_DEG = 4.0
+"""Between the sides from which candidates see the sample."""
+SAME_DEG = 1.0
+"""Closer to a pose that was taken, as its read-back has it, a candidate is that pose again."""
 _MOST_PASSES = 20
 _LEAST_GAIN = 1e-9  # of the criterion, relative; less is rounding and could go round in circles
-_SAME_MM = 1e-6  # closer together, two places of the lens are one
+_SLACK_DEG = 1e-6  # for rounding, where a tilt is just the largest
 
 
 def choose_poses(
@@ -90,15 +94,30 @@ def _best(criterion: Criterion, others: list[int]) -> tuple[int, float]:
 def _candidates(
     rig: RigConfig, axes: Sequence[AxisDescription], choice: ChosenConfig, already: Sequence[Pose]
 ) -> list[dict[str, float]]:
-    """Return poses on a grid within the limits, one for each place of the lens about the sample, none of `already`."""
+    """Return poses on a grid within the limits that see the sample from different sides, none of `already`."""
     used = [axis.name for axis in axes if axis.kind == "rotation"][-2:]
     positions = {axis.name: _positions(axis) if axis.name in used else [_rest(axis)] for axis in axes}
     poses = [dict(zip(positions, at, strict=True)) for at in product(*positions.values())]
-    lens, _ = lens_and_light(rig, axes, [*already, *poses])
-    allowed = lens[:, 2] >= np.cos(np.deg2rad(choice.largest_tilt_deg)) * np.linalg.norm(lens, axis=1) - _SAME_MM
-    # The first of equal places is kept: that with the smallest positions, positive ones before negative ones.
-    _, first = np.unique(np.round(lens / _SAME_MM), axis=0, return_index=True)
-    return [poses[i - len(already)] for i in sorted(first) if i >= len(already) and allowed[i]]
+    taken, sides = (_sides(lens_and_light(rig, axes, some)[0]) for some in (already, poses))
+    is_new = (sides @ taken.T <= np.cos(np.deg2rad(SAME_DEG))).all(axis=1)
+    return [poses[i] for i in _apart(sides, choice.largest_tilt_deg) if is_new[i]]
+
+
+def _sides(lens: Array) -> Array:
+    """Return the unit vectors towards places of the lens, shape (P, 3)."""
+    return np.asarray(lens / np.linalg.norm(lens, axis=1, keepdims=True))
+
+
+def _apart(sides: Array, largest_tilt_deg: float) -> list[int]:
+    """Return which directions to keep: those within the tilt, each apart from all that were kept before it.
+
+    What comes first is kept: the smallest positions, and positive ones before negative ones.
+    """
+    kept: list[int] = []
+    for i in np.flatnonzero(sides[:, 2] >= np.cos(np.deg2rad(largest_tilt_deg + _SLACK_DEG))):
+        if not (sides[kept] @ sides[i] > np.cos(np.deg2rad(LEAST_APART_DEG))).any():
+            kept.append(int(i))
+    return kept
 
 
 def _positions(axis: AxisDescription) -> list[float]:
