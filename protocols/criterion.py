@@ -27,11 +27,11 @@ class Criterion:
 
     Attributes
     ----------
-    u : ndarray, shape (K, V, N)
+    u : ndarray, shape (K, V, 5)
         Of all views, as of `information_vectors`.
-    known : ndarray, shape (K, N, N)
+    known : ndarray, shape (K, 5, 5)
         Information before any of the views.
-    loss : ndarray, shape (K, N, N)
+    loss : ndarray, shape (K, 5, 5)
         A.
     """
 
@@ -71,7 +71,7 @@ class Criterion:
         return _typical(_trace(self.loss @ C)[:, None] - gain)
 
     def _covariance(self, views: Sequence[int]) -> Array:
-        """C of a set of views, shape (K, N, N)."""
+        """C of a set of views, shape (K, 5, 5)."""
         u = self.u[:, list(views)]
         return np.asarray(np.linalg.inv(self.known + np.swapaxes(u, 1, 2) @ u))
 

@@ -18,16 +18,16 @@ from numpy.typing import NDArray
 
 from instrument.chosen_config import ChosenConfig
 from instrument.rig_config import RigConfig
-from protocols.rough_material import BUMPS, PARAMETERS, Numbers, brdf, dot, radiance, unit
+from protocols.rough_material import PARAMETERS, Numbers, brdf, dot, radiance, unit
 
 Array = NDArray[np.float64]
 
 N_CASES, WIDEST_NORMAL_DEG = 180, 25.0
 """Normals of a relief, spread evenly over a cap about the plate's."""
 ROUGHNESS_FACTORS = (1.0 / 1.6, 1.0, 1.6)
-PRIOR_SIGMA = np.array([0.3, 0.3, 1.0, 0.3, 0.3, *(0.02 for _ in BUMPS)])
-"""What is known beside the views of a pixel, one standard deviation, in the order of `PARAMETERS`: a relief; pixels
-share their materials, so that lobes are known better than one pixel tells; a curve is off the model's by 2 %."""
+PRIOR_SIGMA = np.array([0.3, 0.3, 1.0, 0.3, 0.3])
+"""What is known beside the views of a pixel, one standard deviation, in the order of `PARAMETERS`: a relief, and that
+pixels share their materials, so that lobes are known better than one pixel tells."""
 RELATIVE, SHOT, READ = 0.01, 0.006, 0.001
 """Noise as shares of a white plate's radiance W: RELATIVE L (what differs from view to view, the power of the light
 above all), SHOT sqrt(L W), READ W."""
@@ -46,13 +46,13 @@ class Cases:
 
     Attributes
     ----------
-    unknowns : ndarray, shape (K, N)
+    unknowns : ndarray, shape (K, 5)
         In the order of `PARAMETERS`; slopes are 0.
     frame : ndarray, shape (K, 3, 3)
         Two unit tangents and the normal, in the sample frame.
     point : ndarray, shape (K, 3)
         Place, mm.
-    loss : ndarray, shape (K, N, N)
+    loss : ndarray, shape (K, 5, 5)
         A, so that tr(A C) is the expected loss, deg^2, of an estimate with covariance C.
     """
 
@@ -73,7 +73,7 @@ def expected_cases(rig: RigConfig, chosen: ChosenConfig) -> Cases:
 
 
 def information_vectors(cases: Cases, lens: Array, light: Array, distance: float) -> Array:
-    """Return u of V views for K cases, shape (K, V, N); 0 where a view is too close to edge-on.
+    """Return u of V views for K cases, shape (K, V, 5); 0 where a view is too close to edge-on.
 
     Parameters
     ----------
@@ -91,12 +91,12 @@ def information_vectors(cases: Cases, lens: Array, light: Array, distance: float
 
 
 def prior_information() -> Array:
-    """Return M_0, shape (N, N)."""
+    """Return M_0, shape (5, 5)."""
     return np.diag(PRIOR_SIGMA**-2.0)
 
 
 def gradient(cases: Cases, to_lens: Array, to_light: Array, distance: float) -> Array:
-    """Return dL/dp, shape (V, K, N), by a complex step [squire1998]."""
+    """Return dL/dp, shape (V, K, 5), by a complex step [squire1998]."""
     parts = []
     for i in range(len(PARAMETERS)):
         shifted: Numbers = cases.unknowns + 1j * _STEP * (np.arange(len(PARAMETERS)) == i)
@@ -116,7 +116,7 @@ def _loss(material: Array) -> Array:
     c = np.cos(SLICE)
     A = np.zeros((len(PARAMETERS), len(PARAMETERS)))
     A[[0, 1], [0, 1]] = np.rad2deg(1.0) ** 2
-    at = material + 1j * _STEP * np.eye(len(material))[:, None]
+    at = material + 1j * _STEP * np.eye(3)[:, None]
     d_log_f = np.imag(np.log(brdf(at, c, c, c, np.ones_like(c)))) / _STEP
     A[2:, 2:] = BRDF_WEIGHT_DEG**2 * d_log_f @ d_log_f.T / len(c)
     return A
@@ -142,6 +142,6 @@ def _places(rig: RigConfig) -> Array:
 
 
 def _materials(chosen: ChosenConfig) -> Array:
-    """Return M materials without bumps: the roughness is known to a factor only."""
+    """Logarithms of albedo, f0 and alpha, shape (M, 3): the roughness is known to a factor only."""
     roughness = np.clip(chosen.roughness * np.array(ROUGHNESS_FACTORS), 0.2, 1.0)
-    return np.stack([[*np.log([chosen.albedo, chosen.f0, r * r]), *np.zeros(len(BUMPS))] for r in roughness])
+    return np.stack([np.log([chosen.albedo, chosen.f0, r * r]) for r in roughness])

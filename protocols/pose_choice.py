@@ -17,10 +17,8 @@ from protocols.pose_order import in_short_order
 
 STEP_DEG = 5.0
 """Between the positions of a rotation axis that are candidates."""
-LEAST_APART_DEG = 4.0
-"""Between the sides from which candidates see the sample."""
-SAME_DEG = 1.0
-"""Closer to a pose that was taken, as its read-back has it, a candidate is that pose again."""
+SAME_DEG = 0.1
+"""Closer together, two sides from which the sample is seen are one."""
 _MOST_PASSES = 20
 _LEAST_GAIN = 1e-9  # of the criterion, relative; less is rounding and could go round in circles
 _SLACK_DEG = 1e-6  # for rounding, where a tilt is just the largest
@@ -100,7 +98,7 @@ def _candidates(
     poses = [dict(zip(positions, at, strict=True)) for at in product(*positions.values())]
     taken, sides = (_sides(lens_and_light(rig, axes, some)[0]) for some in (already, poses))
     is_new = (sides @ taken.T <= np.cos(np.deg2rad(SAME_DEG))).all(axis=1)
-    return [poses[i] for i in _apart(sides, choice.largest_tilt_deg) if is_new[i]]
+    return [poses[i] for i in _different(sides, choice.largest_tilt_deg) if is_new[i]]
 
 
 def _sides(lens: Array) -> Array:
@@ -108,14 +106,14 @@ def _sides(lens: Array) -> Array:
     return np.asarray(lens / np.linalg.norm(lens, axis=1, keepdims=True))
 
 
-def _apart(sides: Array, largest_tilt_deg: float) -> list[int]:
-    """Return which directions to keep: those within the tilt, each apart from all that were kept before it.
+def _different(sides: Array, largest_tilt_deg: float) -> list[int]:
+    """Return which directions to keep: those within the tilt, each other than all that were kept before it.
 
     What comes first is kept: the smallest positions, and positive ones before negative ones.
     """
     kept: list[int] = []
     for i in np.flatnonzero(sides[:, 2] >= np.cos(np.deg2rad(largest_tilt_deg + _SLACK_DEG))):
-        if not (sides[kept] @ sides[i] > np.cos(np.deg2rad(LEAST_APART_DEG))).any():
+        if not (sides[kept] @ sides[i] > np.cos(np.deg2rad(SAME_DEG))).any():
             kept.append(int(i))
     return kept
 

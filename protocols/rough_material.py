@@ -14,12 +14,8 @@ from numpy.typing import NDArray
 Numbers = NDArray[np.floating[Any] | np.complexfloating[Any, Any]]
 """Real, or complex where a derivative is taken."""
 
-BUMPS, BUMP_WIDTH = np.array([0.05, 0.25, 0.45, 0.65, 0.85]), 0.12
-"""In sin^2 theta_h (13 to 67 deg): where and how smoothly a true curve may be off the model's."""
-SLOPES, MATERIAL = ("slope_1", "slope_2"), ("log_albedo", "log_f0", "log_alpha", *(f"bump_{t:g}" for t in BUMPS))
-PARAMETERS = (*SLOPES, *MATERIAL)
-"""N unknowns of a pixel: its normal's slopes along two tangents, the logarithms of its material's numbers, and by how
-much log f is off at each of the `BUMPS`."""
+PARAMETERS = ("tangent_1", "tangent_2", "log_albedo", "log_f0", "log_alpha")
+"""Unknowns of a pixel: its normal's slopes along two tangents, and the logarithms of its material's numbers."""
 
 
 def normal(frame: Numbers, slope_1: Numbers, slope_2: Numbers) -> Numbers:
@@ -36,23 +32,22 @@ def normal(frame: Numbers, slope_1: Numbers, slope_2: Numbers) -> Numbers:
 
 
 def brdf(material: Numbers, n_l: Numbers, n_v: Numbers, n_h: Numbers, v_h: Numbers) -> Numbers:
-    """Return f = (albedo / pi + D G F) exp(sum of bumps), 1/sr.
+    """Return f = albedo / pi + D G F, 1/sr.
 
     Parameters
     ----------
-    material : ndarray, shape (..., 8)
-        In the order of `MATERIAL`.
+    material : ndarray, shape (..., 3)
+        Logarithms of albedo, f0 and alpha.
     n_l, n_v, n_h, v_h : ndarray
         Cosines; they broadcast with the leading axes of `material`.
     """
-    albedo, f0, alpha = np.moveaxis(np.exp(material[..., :3]), -1, 0)
+    albedo, f0, alpha = np.moveaxis(np.exp(material), -1, 0)
     a2 = alpha**2
     D = a2 / (np.pi * (n_h**2 * (a2 - 1.0) + 1.0) ** 2)
     # Height-correlated masking over 4 n.l n.v.
     G = 0.5 / (n_l * np.sqrt(a2 + (1.0 - a2) * n_v**2) + n_v * np.sqrt(a2 + (1.0 - a2) * n_l**2))
     F = f0 + (1.0 - f0) * (1.0 - v_h) ** 5
-    bumps = np.exp(-(((1.0 - n_h[..., None] ** 2 - BUMPS) / BUMP_WIDTH) ** 2) / 2.0)
-    return np.asarray((albedo / np.pi + D * G * F) * np.exp(dot(bumps, material[..., 3:])))
+    return np.asarray(albedo / np.pi + D * G * F)
 
 
 def radiance(unknowns: Numbers, frame: Numbers, to_lens: Numbers, to_light: Numbers, distance: float) -> Numbers:
@@ -60,7 +55,7 @@ def radiance(unknowns: Numbers, frame: Numbers, to_lens: Numbers, to_light: Numb
 
     Parameters
     ----------
-    unknowns : ndarray, shape (K, N)
+    unknowns : ndarray, shape (K, 5)
         In the order of `PARAMETERS`.
     frame : ndarray, shape (K, 3, 3)
         As of `normal`.
