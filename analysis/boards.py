@@ -203,8 +203,9 @@ def _near_homographies(board_points: Array, image_points: Array, at: Array) -> A
 
 def _homography(board_points: Array, image_points: Array) -> Array:
     H, _ = cv2.findHomography(board_points, image_points)
-    # Points on one line hold no homography; one that maps to nowhere is found out by the fit.
-    return np.full((3, 3), np.nan) if H is None else np.asarray(H, np.float64)
+    # Points on one line hold no homography, nor do four of which three are; one that maps to nowhere is found out by
+    # the fit.
+    return np.full((3, 3), np.nan) if H is None or np.linalg.matrix_rank(H) < 3 else np.asarray(H, np.float64)
 
 
 def _texels_per_square(board: Board, homographies: Array) -> int:
