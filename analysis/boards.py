@@ -180,15 +180,20 @@ def _fit_board(
     on_board, in_picture = candidate.board_points, candidate.image_points
     while True:
         H = _near_homographies(on_board, in_picture if lens is None else lens.undistort(in_picture), grid)
+        known = np.flatnonzero(np.isfinite(H).all(axis=(1, 2)))
+        if len(known) == 0:
+            return BoardCorners(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)))
         per_square = _texels_per_square(board, H)
         drawn = pattern(board, per_square, candidate.legacy)
-        aligned = align_corners(picture, cell, drawn, per_square / board.square_mm, H, grid, board.square_mm, lens)
+        aligned = align_corners(
+            picture, cell, drawn, per_square / board.square_mm, H[known], grid[known], board.square_mm, lens
+        )
         with np.errstate(invalid="ignore"):
             ok = (aligned.contrast > 0.0) & (aligned.misfit < MISFIT)
-        found = BoardCorners(np.flatnonzero(ok), aligned.points[ok], aligned.covariance[ok])
+        found = BoardCorners(known[ok], aligned.points[ok], aligned.covariance[ok])
         if len(found) < _MIN_POINTS or on_board is not candidate.board_points:
             return found
-        on_board, in_picture = grid[ok], found.image_points
+        on_board, in_picture = grid[known[ok]], found.image_points
 
 
 def _near_homographies(board_points: Array, image_points: Array, at: Array) -> Array:
@@ -203,8 +208,9 @@ def _near_homographies(board_points: Array, image_points: Array, at: Array) -> A
 
 def _homography(board_points: Array, image_points: Array) -> Array:
     H, _ = cv2.findHomography(board_points, image_points)
-    # Points on one line hold no homography; one that maps to nowhere is found out by the fit.
-    return np.full((3, 3), np.nan) if H is None else np.asarray(H, np.float64)
+    # Points on one line hold no homography, nor do four of which three are; one that maps to nowhere is found out by
+    # the fit.
+    return np.full((3, 3), np.nan) if H is None or np.linalg.matrix_rank(H) < 3 else np.asarray(H, np.float64)
 
 
 def _texels_per_square(board: Board, homographies: Array) -> int:

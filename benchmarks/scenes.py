@@ -174,7 +174,7 @@ def independent(
         [_shade_from_afar(n, camera, light, table, rows, weight) for n in _ring(normals, blur_deg)], axis=0
     )[:, None]
     # So far away that every pixel has the same directions.
-    radiance, variance = _noisy(radiance / FAR_MM**2, noise, rng, floor)
+    radiance, variance = with_noise(radiance / FAR_MM**2, noise, rng, floor)
     depth = np.full((1, n_pixels), np.nan)
     stack = Stack(
         radiance=radiance,
@@ -196,7 +196,7 @@ def relief(
     seed: int,
     *,
     table: str = "sgd",
-    poses: str = "cap",
+    poses: str | Array = "cap",
     n_materials: int = 5,
     offset_mm: float = 12.0,
     wrong: float = 0.0,
@@ -210,8 +210,10 @@ def relief(
     ----------
     size : int
         Pixels a side.
-    n_views, noise, seed, table, poses
+    n_views, noise, seed, table
         As `independent`.
+    poses : str or ndarray, shape (n_views, 3)
+        A key of `POSES`, or the directions of the cameras.
     n_materials : int
         0 = one material that changes from place to place without end (no palette).
     offset_mm : float
@@ -232,7 +234,7 @@ def relief(
     z, normals = _surface(x, y, rng, steepness)
     rows = rng.choice(material_rows(table), max(n_materials, 8 * (n_materials == 0)), replace=False)
     weight = _regions(x, y, len(rows), rng, soft_mm=1.0 if n_materials else 25.0)
-    camera = DISTANCE_MM * POSES[poses](n_views, rng)
+    camera = DISTANCE_MM * (POSES[poses](n_views, rng) if isinstance(poses, str) else poses)
     rotation = _level(camera)
     light = camera + offset_mm * rotation[:, 0]
     points = np.stack([x, y, z], axis=-1).reshape(-1, 3)
@@ -240,7 +242,7 @@ def relief(
     for v in range(n_views):
         shade = _shade(points, normals.reshape(-1, 3), camera[v], light[v], table, rows, weight)
         radiance[v] = shade.reshape(size, size, 3) * (1.0 + power_error * rng.standard_normal())
-    radiance, variance = _noisy(radiance, noise, rng, floor)
+    radiance, variance = with_noise(radiance, noise, rng, floor)
     if wrong > 0.0:
         bad = rng.random(radiance.shape[:3]) < wrong
         factor = np.where(rng.random(bad.shape) < 0.5, 0.1, rng.uniform(2.0, 5.0, bad.shape))
@@ -313,7 +315,7 @@ def _shade_from_afar(
     return np.moveaxis(np.maximum(_mixture(table, rows, weight, q), 0.0) * n_dot_l[..., None], 1, 0)
 
 
-def _noisy(
+def with_noise(
     radiance: NDArray[np.floating[Any]], noise: float, rng: np.random.Generator, floor: float = DARK_FLOOR
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Add noise; return the radiance and its stated variance, which is the true one."""

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from instrument.chosen_config import ChosenConfig
 from instrument.settings import NonNegative, Positive, Settings, SettingsFile
 
 
@@ -103,21 +104,22 @@ class WatchConfig(Settings):
 
 
 class ProtocolConfig(SettingsFile):
-    """A protocol: brackets over rings and single poses, in the order of the file, rings first."""
+    """A protocol: brackets over rings, single poses and chosen ones; rings first, in the order of the file."""
 
     name: Annotated[str, Field(min_length=1)] = Field(description="what the protocol is called")
     sample: str = Field(default="", description="what lies on the stage")
     bracket: BracketConfig
     rings: tuple[RingConfig, ...] = ()
     poses: tuple[PoseConfig, ...] = ()
+    chosen: ChosenConfig | None = None
     flats: FlatsConfig | None = None
     darks_and_flats: DarksAndFlatsConfig | None = None
     watch: WatchConfig | None = None
 
     @model_validator(mode="after")
     def _some_poses(self) -> ProtocolConfig:
-        if not self.rings and not self.poses:
-            raise ValueError("there is nothing to capture: add a [[rings]] or a [[poses]] table")
+        if not self.rings and not self.poses and not self.chosen:
+            raise ValueError("there is nothing to capture: add a [[rings]], a [[poses]] or a [chosen] table")
         return self
 
     @model_validator(mode="after")

@@ -68,8 +68,7 @@ class Plan:
         exposure_times : tuple of float, optional
             Seconds, as scout frames found them; the protocol's by default.
         """
-        rings = [pose for table in protocol.rings for pose in ring(table.tilt_deg, table.count, table.start_deg)]
-        poses: list[Pose] = [*rings, *(pose.axes for pose in protocol.poses), *chosen]
+        poses = [*stated_poses(protocol), *chosen]
         watch, flats, bracket = protocol.watch, protocol.flats, protocol.bracket
         axes = tuple(sorted(poses[0]))
         return cls(
@@ -204,6 +203,12 @@ class Plan:
         poses = sum(max(move + bracket, self.interval) for move in moves[:-1]) + moves[-1] + bracket
         darks = self.darks * (sum(self.exposure_times) + frame_overhead * len(self.exposure_times))
         return poses + darks + self.flats * (self.flat_time + frame_overhead)
+
+
+def stated_poses(protocol: ProtocolConfig) -> tuple[Pose, ...]:
+    """Return the poses of a protocol's rings in their order, then its single ones."""
+    rings = [pose for table in protocol.rings for pose in ring(table.tilt_deg, table.count, table.start_deg)]
+    return (*rings, *(pose.axes for pose in protocol.poses))
 
 
 def _with_spare(bracket: BracketConfig, times: tuple[float, ...]) -> tuple[float, ...]:

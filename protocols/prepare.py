@@ -14,7 +14,8 @@ from instrument.rig import Rig
 from instrument.validation import InvalidInputError, Problem, raise_if_any
 from protocols.kept_frames import KeptFrames
 from protocols.metering import Metered, meter
-from protocols.plan import Plan
+from protocols.plan import Plan, stated_poses
+from protocols.pose_choice import choose_poses
 from protocols.poses import Pose
 from protocols.preflight import preflight_problems, space_problems
 
@@ -80,7 +81,8 @@ def prepare(rig: Rig, protocol: ProtocolConfig, path: Path | None = None) -> Pre
         With every reason against it.
     """
     auto = protocol.bracket.auto
-    plan = Plan.from_protocol(protocol, exposure_times=None if auto is None else _about(auto))
+    chosen = _chosen(rig, protocol)
+    plan = Plan.from_protocol(protocol, chosen, None if auto is None else _about(auto))
     problems = list(preflight_problems(rig, plan))
     if path is not None:
         problems += space_problems(rig, plan, path)
@@ -89,7 +91,14 @@ def prepare(rig: Rig, protocol: ProtocolConfig, path: Path | None = None) -> Pre
     if auto is None:
         problems += _kept_problems(rig, protocol, plan, kept)
     raise_if_any(TITLE, problems)
-    return Prepared(protocol, plan, kept, tuple(_warnings(rig, kept)))
+    return Prepared(protocol, plan, kept, tuple(_warnings(rig, kept)), chosen)
+
+
+def _chosen(rig: Rig, protocol: ProtocolConfig) -> tuple[Pose, ...]:
+    """Return the poses that the table ``[chosen]`` stands for, chosen beside all others of the protocol."""
+    if protocol.chosen is None:
+        return ()
+    return choose_poses(rig.config, rig.stage.describe().axes, protocol.chosen, stated_poses(protocol))
 
 
 def _about(auto: AutoConfig) -> tuple[float, ...]:

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from drivers.camera import CameraDescription
 from drivers.stage import StageDescription
 from instrument.board_config import Rectangle
 from instrument.rig_config import RigConfig
+from protocols.nominal_geometry import LAB_FROM_CAMERA, lab_from_sample
 
 Array = NDArray[np.float64]
 
@@ -54,21 +54,21 @@ class ReferencePatch:
         positions : mapping of str to float
             Of the stage's axes.
         """
-        rotation = rotation_of(self._stage, positions)
-        values = [self._board(counts, exposure_times, rotation, rectangle) for rectangle in self._rectangles]
+        R, t = lab_from_sample(self._stage.axes, positions)
+        values = [self._board(counts, exposure_times, R, t, rectangle) for rectangle in self._rectangles]
         seen = [value for value in values if math.isfinite(value)]
         return float(np.mean(seen)) if seen else math.nan
 
-    def _board(self, counts: NDArray[np.uint16], times: Array, rotation: Array, rectangle: Rectangle) -> float:
+    def _board(self, counts: NDArray[np.uint16], times: Array, R: Array, t: Array, rectangle: Rectangle) -> float:
         left, bottom, right, top = rectangle
         corners = np.array([(left, bottom, 0.0), (right, bottom, 0.0), (right, top, 0.0), (left, top, 0.0)])
-        columns, rows = self._pixels(corners @ rotation.T)
+        columns, rows = self._pixels(corners @ R.T + t)
         height, width = counts.shape[1:]
         if min(columns) < 0 or min(rows) < 0 or max(columns) >= width - 1 or max(rows) >= height - 1:
             return math.nan
         window = counts[:, int(min(rows)) : int(max(rows)) + 1, int(min(columns)) : int(max(columns)) + 1]
-        centre = rotation @ np.array([(left + right) / 2, (bottom + top) / 2, 0.0])
-        return self._white(window, times) / self._share(centre, rotation[:, 2])
+        centre = R @ np.array([(left + right) / 2, (bottom + top) / 2, 0.0]) + t
+        return self._white(window, times) / self._share(centre, R[:, 2])
 
     def _pixels(self, points: Array) -> tuple[Array, Array]:
         """Project points (n, 3) of the lab frame, whose origin lies at the working distance; z towards the lens."""
@@ -87,9 +87,8 @@ class ReferencePatch:
     def _share(self, point: Array, normal: Array) -> float:
         """Return cos(theta) / r^2 at `point`, relative to a sheet at the origin that faces the light."""
         distance = self._rig.geometry.working_distance_mm
-        x, y, z = self._rig.light.offset_mm
-        # The camera's frame has y down and z forward, the lab's y up and z towards the lens.
-        to_light = np.array([x, -y, distance - z]) - point
+        light = np.array([0.0, 0.0, distance]) + LAB_FROM_CAMERA @ np.array(self._rig.light.offset_mm)
+        to_light = light - point
         r = float(np.linalg.norm(to_light))
         return max(float(to_light @ normal) / r, 1e-3) * (distance / r) ** 2
 
@@ -97,13 +96,3 @@ class ReferencePatch:
 def _grown(rectangle: Rectangle, by: float) -> Rectangle:
     left, bottom, right, top = rectangle
     return left - by, bottom - by, right + by, top + by
-
-
-def rotation_of(stage: StageDescription, positions: Mapping[str, float]) -> Array:
-    """Return the rotation (3, 3) from the sample to the lab frame: the axes' own, from the base to the sample."""
-    R = np.eye(3)
-    for axis in stage.axes:
-        if axis.kind == "rotation":
-            turn = np.radians(positions.get(axis.name, 0.0)) * np.array(axis.vector)
-            R = R @ Rotation.from_rotvec(turn).as_matrix()
-    return R

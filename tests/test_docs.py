@@ -55,7 +55,7 @@ def test_links_between_pages_lead_somewhere(page: Path) -> None:
 
 def test_the_examples_are_valid() -> None:
     assert load_rig(ROOT / "examples" / "simulated.toml").name
-    for protocol in ("hdr_sweep.toml", "quick_sweep.toml"):
+    for protocol in ("hdr_sweep.toml", "quick_sweep.toml", "chosen_poses.toml"):
         assert load_protocol(ROOT / "examples" / protocol).name
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from analysis.board_layout import BoardLayout
 from analysis.board_pattern import pattern
-from analysis.boards import BoardCorners, detect_corners, detection_image
+from analysis.boards import BoardCorners, _homography, detect_corners, detection_image
 from analysis.camera_calibration import usable_views
 from instrument.records import Board
 from tests.analysis.board_pictures import (
@@ -133,3 +133,9 @@ def test_the_print_is_drawn_as_opencv_draws_it(squares: tuple[int, int], legacy:
 def test_board_coordinates_run_down_and_those_of_the_sample_up():
     layout = BoardLayout.nominal(BOARDS)
     np.testing.assert_allclose(layout.points(np.arange(50)), TRUE)
+
+
+def test_four_points_of_which_three_lie_on_one_line_hold_no_homography() -> None:
+    on_board = np.array([[16.5, 16.5], [16.5, 11.0], [16.5, 5.5], [11.0, 5.5]])
+    in_picture = np.array([[590.2, 489.7], [597.4, 483.1], [607.5, 473.1], [583.9, 469.2]])
+    assert np.isnan(_homography(on_board, in_picture)).all()

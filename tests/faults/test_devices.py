@@ -24,7 +24,9 @@ fault = pytest.mark.fault
 def text(of: Fault) -> str:
     where = f"{of.device}.{of.call}"
     how_often = "from then on" if of.repeats == ALWAYS else "once" if of.repeats == 1 else f"{of.repeats} times"
-    return f"`{of.effect}` at {where} {of.at}, {how_often}"
+    back = f"; back at the {of.value:g}. try to connect" if 1 <= of.value < NEVER_BACK else ""
+    gone = "; it does not come back" if of.value == NEVER_BACK else ""
+    return f"`{of.effect}` at {where} {of.at}, {how_often}{back}{gone}"
 
 
 def short(message: str) -> str:

@@ -164,7 +164,7 @@ def test_a_wrong_protocol_says_what_is_allowed(tmp_path: Path, old: str, new: st
 
 def test_a_protocol_without_poses_says_what_to_add(tmp_path: Path) -> None:
     (tmp_path / "protocol.toml").write_text(PROTOCOL.split("[[rings]]")[0])
-    assert "add a [[rings]] or a [[poses]] table" in problems_of(tmp_path / "protocol.toml")[0]
+    assert "add a [[rings]], a [[poses]] or a [chosen] table" in problems_of(tmp_path / "protocol.toml")[0]
 
 
 def test_poses_that_place_other_axes_are_refused(tmp_path: Path) -> None:
