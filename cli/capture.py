@@ -54,8 +54,10 @@ def capture(protocol: Path, rig: Path, output: Path) -> None:
 @click.argument("session", type=click.Path(path_type=Path))
 def resume(session: Path) -> None:
     """Go on with an interrupted SESSION at its first incomplete pose."""
+    from instrument.look import refuse_dangerous
     from protocols import engine
 
+    refuse_dangerous(session)
     with _bar("resume") as watch:
         outcome = engine.resume(session, watch)
     _conclude(outcome)
