@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import h5py
 import numpy as np
 
-from analysis.atoms import MODELS, PUBLISHED, AnyAtom, Atom, TabulatedAtom, published, table_problems
+from analysis.atoms import MODELS, AnyAtom, Atom, TabulatedAtom, table_problems
+from analysis.reflectance import Cosines
 from instrument.bounds import array_problems, text_problems
 from instrument.validation import InvalidInputError, Problem, raise_if_any
 
@@ -74,7 +74,7 @@ def read_atoms(group: Any) -> tuple[AnyAtom, ...]:
     rows = [(model, float(a), float(b)) for model, (a, b) in zip(models, parameters, strict=True)]
     problems = list(_model_problems(group, models))
     grids: dict[int, tuple[TabulatedAtom, ...]] = {}
-    for number in sorted({int(a) for model, a, _ in rows if model == TABLE and math.isfinite(a)}):
+    for number in sorted({int(a) for model, a, _ in rows if model == TABLE and np.isfinite(a)}):
         try:
             grids[number] = read_tables(group, f"tables_{number}")
         except InvalidInputError as error:
@@ -96,18 +96,26 @@ def _index_problems(
     group: Any, rows: Iterable[tuple[str, float, float]], grids: dict[int, tuple[TabulatedAtom, ...]]
 ) -> Iterator[Problem]:
     for k, (model, a, b) in enumerate(rows):
-        if model == TABLE and math.isfinite(a + b) and int(a) in grids and not 0 <= int(b) < len(grids[int(a)]):
+        if model == TABLE and np.isfinite([a, b]).all() and int(a) in grids and not 0 <= int(b) < len(grids[int(a)]):
             what = f"atom {k} is table {int(b)} of tables_{int(a)}, which holds {len(grids[int(a)])}"
             yield Problem(f"{group.name}/atom_parameters", what)
 
 
 def _parameter_problems(group: Any, rows: Iterable[tuple[str, float, float]]) -> Iterator[Problem]:
     for k, (model, a, b) in enumerate(rows):
-        where = f"{group.name}/atom_parameters"
-        if not (math.isfinite(a) and math.isfinite(b)):
-            yield Problem(where, f"atom {k} has parameters {a:g} and {b:g}; they must be finite")
-        elif model in PUBLISHED and not (0 <= int(a) < len(published(model)) and 0 <= int(b) < 3):
-            yield Problem(where, f"atom {k} is material {a:g}, channel {b:g} of {model!r}, which it does not have")
+        if model in MODELS and not _is_brdf(Atom(model, a, b)):
+            what = f"atom {k} is {model!r} with {a:g} and {b:g}; its values are not all finite and positive"
+            yield Problem(f"{group.name}/atom_parameters", what)
+
+
+def _is_brdf(atom: Atom) -> bool:
+    """Whether an atom has parameters that its model can take."""
+    try:
+        with np.errstate(all="ignore"):
+            values = atom.evaluate(Cosines.on_slice(np.linspace(0.0, 1.5, 7)))
+    except (ArithmeticError, ValueError, IndexError):
+        return False
+    return bool(np.all(np.isfinite(values) & (values >= 0.0)))
 
 
 def read_tables(parent: Any, name: str) -> tuple[TabulatedAtom, ...]:

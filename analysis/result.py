@@ -24,7 +24,7 @@ from analysis.pixel_fits import PixelFits
 from analysis.reconstruction import Reconstruction
 from analysis.rectification import Grid
 from analysis.reflectance import Cosines
-from analysis.result_checks import result_problems
+from analysis.result_checks import result_problems, value_problems
 from analysis.stages import Stage
 from instrument.bounds import text_attribute
 from instrument.foreign import HDF5_ERRORS, open_foreign
@@ -291,11 +291,13 @@ def _read(file: Any) -> Result:
         theta_h_range=flat("theta_h_range"),
         dictionary=Dictionary(text_attribute(brdf, "dictionary") or "", atoms),
     )
+    grid = Grid(height, width, float(maps["pixel_pitch"][()]))
+    raise_if_any("", value_problems(fits, grid))
     error = maps["normal_error_deg"][...].astype(np.float64) if "normal_error_deg" in maps else None
     text = {name: parse_json(file[f"/entry/{name}"].asstr()[()]) for name in ("choices", "stages", "summary")}
     return Result(
         fits=fits,
-        grid=Grid(height, width, float(maps["pixel_pitch"][()])),
+        grid=grid,
         depth=maps["depth"][...].astype(np.float64),
         depth_sigma=maps["depth_sigma"][...].astype(np.float64),
         truth_error=error,

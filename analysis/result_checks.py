@@ -5,11 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import h5py
+import numpy as np
 
+from analysis.pixel_fits import PixelFits
+from analysis.rectification import Grid
 from instrument.bounds import number_problems, text_problems
 from instrument.validation import Problem
 
 Shape = tuple[int | str, ...]
+
+LARGEST_COEFFICIENT = 1e12
+"""No BRDF comes near it, and squares of it are still numbers."""
 
 # The depth comes first: all maps have its shape. C channels, J atoms of a pixel, K atoms in all.
 _NUMBERS: dict[str, Shape] = {
@@ -51,3 +57,17 @@ def result_problems(file: h5py.File) -> Iterator[Problem]:
     if 0 in dims.values() or dims.get("C", 1) not in (1, 3):
         sizes = ", ".join(f"{name} = {size}" for name, size in dims.items())
         yield Problem("/entry/brdf/atom", f"has sizes {sizes}; none may be 0, and channels are 1 or 3")
+
+
+def value_problems(fits: PixelFits, grid: Grid) -> Iterator[Problem]:
+    """Yield which values of solved pixels nothing can be predicted from."""
+    solved = np.asarray(np.isfinite(fits.normals).all(axis=1))
+    used = np.where((fits.atom >= 0) & solved[:, None, None], fits.coefficient, 0.0)
+    n_bad = int(np.count_nonzero(~(np.abs(used) <= LARGEST_COEFFICIENT).all(axis=(1, 2))))
+    if n_bad:
+        yield Problem("/entry/brdf/coefficient", f"is not finite, or beyond {LARGEST_COEFFICIENT:g}, in {n_bad} pixels")
+    seen = fits.theta_h_range[solved]
+    if not bool(np.all((seen >= 0.0) & (seen <= np.pi / 2 + 1e-6) & (seen[:, :1] <= seen[:, 1:]))):
+        yield Problem("/entry/result/theta_h_range", "must ascend within 0 to pi / 2 wherever there is a normal")
+    if not (np.isfinite(grid.pitch) and grid.pitch > 0.0):
+        yield Problem("/entry/result/pixel_pitch", f"is {grid.pitch}; must be a positive number of mm")

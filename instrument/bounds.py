@@ -23,6 +23,9 @@ LARGEST_CHUNK_BYTES = 2**30
 LARGEST_EXPANSION = 1100
 SMALL_BYTES = 2**24
 
+# A journal of a line for each of 100 000 poses comes to a fifth of it.
+LARGEST_TEXTS_BYTES = 2**27
+
 # The longest text that an attribute of ours has is a page of JSON.
 LONGEST_ATTRIBUTE_BYTES = 2**16
 

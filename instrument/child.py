@@ -14,7 +14,10 @@ from threading import Thread
 from typing import Any
 
 SILENCE_SECONDS = 120.0
-"""No disk takes so long for one step; what only computes is stopped much earlier (`child_main.STEP_SECONDS`)."""
+"""No disk takes so long for one step; what only computes is stopped much earlier (`STEP_SECONDS`)."""
+
+STEP_SECONDS = 10.0
+"""Computing time of one step, for one frame or dataset; the largest frame takes half of it."""
 
 _ENDINGS = {signal.SIGPROF: "did not come to an end", signal.SIGKILL: "was stopped"}
 
@@ -38,7 +41,7 @@ def in_child(task: str, *arguments: str | int | Path) -> Iterator[dict[str, Any]
         If the child was ended by the file, or says nothing for `SILENCE_SECONDS`.
     """
     # -P: a folder of strange files may hold a numpy.py, which must not be found there.
-    command = [sys.executable, "-P", "-m", "instrument.child_main", task, *map(str, arguments)]
+    command = [sys.executable, "-P", "-m", "instrument.child_main", str(STEP_SECONDS), task, *map(str, arguments)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=_environment()) as child:
         try:
             yield from _lines(child)

@@ -15,7 +15,7 @@ from instrument import layout
 from instrument.child import ReaderEndedError, in_child
 from instrument.cut_short import missing_bytes, open_cut_short
 from instrument.foreign import HDF5_ERRORS
-from instrument.look import SMALL, ended_problem, look
+from instrument.look import UNPACKED, ended_problem, look
 from instrument.pose_check import PoseJournal, pose_problems
 from instrument.session_reader import open_hdf5, refuse_foreign
 from instrument.structure import structure_problems
@@ -95,7 +95,7 @@ def examination(path: Path) -> Examination:
 
 def examine(path: str, first: str, whole: str) -> Iterator[dict[str, Any]]:
     """Check a session from pose `first` on, and before it all else if `whole` is "1"; runs in the child."""
-    yield from look(path, SMALL) if whole == "1" else ()
+    yield from look(path, UNPACKED) if whole == "1" else ()
     try:
         file, problems = _open(Path(path))
         if whole == "1":
@@ -142,8 +142,11 @@ def _poses(file: h5py.File, n_there: int, first: int) -> Iterator[dict[str, Any]
     for i_pose in np.flatnonzero(journal.complete).tolist():
         if i_pose >= first:
             yield {"at": f"{layout.IMAGES.path}[{i_pose}]", "pose": i_pose}
-            problems = list(pose_problems(file, journal, i_pose))
-            yield {"problems": _plain(problems), "good": [] if problems else [i_pose]}
+            bad = False
+            for problem in pose_problems(file, journal, i_pose):
+                bad = bad or problem is not None
+                yield {"problems": _plain([problem]) if problem else []}
+            yield {"good": [] if bad else [i_pose]}
 
 
 def _plain(problems: Iterable[Problem]) -> list[tuple[str, str]]:

@@ -10,13 +10,13 @@ from typing import Any
 import h5py
 import numpy as np
 
-from instrument.bounds import LARGEST_CHUNK_BYTES, SMALL_BYTES, n_bytes, storage_problems
+from instrument.bounds import LARGEST_TEXTS_BYTES, storage_problems
 from instrument.child import ReaderEndedError, in_child
 from instrument.foreign import HDF5_ERRORS, objects
 from instrument.validation import InvalidInputError, Problem
 
-WHOLE, SMALL = "whole", "small"
-"""Look at everything; or leave out large datasets, for who does not read them."""
+WHOLE, UNPACKED = "whole", "unpacked"
+"""Look at everything; or leave out what is packed, as pictures are, for who does not read them."""
 
 MEMORY = "needs more memory than any file of halfangle"
 
@@ -30,7 +30,7 @@ def refuse_dangerous(path: Path, extent: str = WHOLE) -> None:
     ----------
     path : Path
         A file that need not be there or be HDF5: its reader says so.
-    extent : {"whole", "small"}
+    extent : {"whole", "unpacked"}
 
     Raises
     ------
@@ -76,8 +76,8 @@ def _guarded(thing: Any, extent: str) -> Iterator[dict[str, Any]]:
         if isinstance(thing, h5py.Dataset | h5py.Group):
             for name in thing.attrs:
                 _touch_attribute(thing, name)
-        if isinstance(thing, h5py.Dataset) and (extent == WHOLE or n_bytes(thing) <= SMALL_BYTES):
-            yield from _touch_values(thing)
+        if isinstance(thing, h5py.Dataset):
+            yield from _touch_values(thing, extent)
     except MemoryError:
         yield {"problem": MEMORY}
     except HDF5_ERRORS:
@@ -89,12 +89,12 @@ def _touch_attribute(thing: h5py.HLObject, name: str) -> None:
         thing.attrs[name]
 
 
-def _touch_values(dataset: h5py.Dataset) -> Iterator[dict[str, Any]]:
+def _touch_values(dataset: h5py.Dataset, extent: str) -> Iterator[dict[str, Any]]:
     if dataset.is_virtual or dataset.external or any(storage_problems(dataset, "")):
         return
     if h5py.check_string_dtype(dataset.dtype) is not None and dataset.dtype.kind == "O":
         yield from _touch_texts(dataset)
-    elif dataset.chunks is not None and dataset.dtype.kind in "fiuS":
+    elif extent == WHOLE and dataset.chunks is not None and dataset.dtype.kind in "fiuS":
         yield from _touch_chunks(dataset)
 
 
@@ -103,7 +103,7 @@ def _touch_texts(dataset: h5py.Dataset) -> Iterator[dict[str, Any]]:
     total = 0
     for index in np.ndindex(dataset.shape):
         total += len(dataset[index])
-        if total > LARGEST_CHUNK_BYTES:
+        if total > LARGEST_TEXTS_BYTES:
             yield {"problem": MEMORY}
             return
 

@@ -90,8 +90,8 @@ def _digest_problems(found: Any, field: Field, dims: dict[str, int]) -> Iterator
         yield Problem(field.path, f"is missing, or no texts of type {field.dtype} and shape {shape}")
 
 
-def pose_problems(file: h5py.File, journal: PoseJournal, i_pose: int) -> Iterator[Problem]:
-    """Yield what is wrong with the frames of one pose that is marked complete."""
+def pose_problems(file: h5py.File, journal: PoseJournal, i_pose: int) -> Iterator[Problem | None]:
+    """Yield what is wrong with the frames of one pose that is marked complete, and None after each frame."""
     digests = [bytes(text).decode("ascii", "replace") for text in journal.frame_digest[i_pose]]
     if chain_digest(digests) != bytes(journal.pose_digest[i_pose]).decode("ascii", "replace"):
         yield Problem(layout.FRAME_DIGEST.path, f"pose {i_pose}: the digests were changed")
@@ -101,6 +101,7 @@ def pose_problems(file: h5py.File, journal: PoseJournal, i_pose: int) -> Iterato
         where = f"pose {i_pose}, exposure {i_exposure} ({journal.exposure_times[i_exposure]:g} s)"
         for what in _frame_problems(file, i_pose, i_exposure, digests[i_exposure]):
             yield Problem(layout.IMAGES.path, f"{where} {what}")
+        yield None
 
 
 def _frame_problems(file: h5py.File, i_pose: int, i_exposure: int, expected: str) -> Iterator[str]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from instrument.child import ReaderEndedError, in_child
 from instrument.layout import Status
-from instrument.look import SMALL, ended_problem, look
+from instrument.look import UNPACKED, ended_problem, look
 from instrument.records import CameraRecord
 from instrument.session import Session
 from instrument.session_reader import NotASessionError
@@ -55,18 +55,29 @@ def summarise_all(paths: list[Path]) -> list[dict[str, Any]]:
 def summaries(*paths: str) -> Iterator[dict[str, Any]]:
     """Yield a row for each file; runs in the child."""
     for path in paths:
-        yield from look(path, SMALL)
+        yield from look(path, UNPACKED)
         yield {"row": _row(Path(path))}
 
 
 def _row(path: Path) -> dict[str, Any]:
     try:
-        with Session(path) as session:
-            return _summary(session)
+        return summarise_here(path)
     except NotASessionError as error:
         return _unusable(path, OTHER, error.problems)
     except InvalidInputError as error:
         return _unusable(path, DAMAGED, error.problems)
+
+
+def summarise_here(path: Path) -> dict[str, Any]:
+    """Return what a session holds, read in this process: for a file that has been looked at.
+
+    Raises
+    ------
+    InvalidInputError
+        If `path` is not a usable session.
+    """
+    with Session(path) as session:
+        return _summary(session)
 
 
 def _unusable(path: Path, state: str, problems: list[Problem] | tuple[Problem, ...]) -> dict[str, Any]:

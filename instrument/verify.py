@@ -44,7 +44,7 @@ def content_problems(path: Path) -> Iterator[Problem]:
 def _all_poses(file: h5py.File, path: Path) -> Iterator[Problem]:
     journal = PoseJournal.read(file, path.stat().st_size)
     for i_pose in np.flatnonzero(journal.complete).tolist():
-        yield from pose_problems(file, journal, i_pose)
+        yield from filter(None, pose_problems(file, journal, i_pose))
 
 
 def _guarded(problems: Iterator[Problem]) -> Iterator[Problem]:

@@ -1,0 +1,53 @@
+"""Thousands of damaged and hostile files: each ends in a message, a flagged part, or nothing, and never in a crash."""
+
+import json
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from tests.strangers.sources import write_sources
+from tests.strangers.trial import FAILED
+
+ROOT = Path(__file__).parents[2]
+KINDS = ("session", "stack", "result", "dictionary")
+
+
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    return write_sources(tmp_path_factory.mktemp("sources"))
+
+
+def campaign(folder: Path, first: int, count: int, *sources: Path) -> dict[str, int]:
+    """Try `count` seeds of each source in a process of its own; fail with the seeds of what went wrong."""
+    command = [sys.executable, "-m", "tests.strangers.trial", folder, first, count, *sources]
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, cwd=ROOT, check=False)
+    assert done.returncode == 0, done.stderr[-3000:]
+    said = json.loads(done.stdout)
+    numbers: dict[str, int] = said["numbers"]
+    words = [f"{kind}, seed {seed} ({how}): {text}" for kind, seed, how, text in said["failures"]]
+    assert not numbers.get(FAILED), "\n".join(words)
+    assert sum(numbers.values()) == count * len(sources)
+    return numbers
+
+
+def test_mutated_files_are_fine_or_refused_or_contained(sources: dict[str, Path], tmp_path: Path) -> None:
+    numbers = campaign(tmp_path, 0, 15, *sources.values())
+    # The mutations do something, and not everything that they do is fatal.
+    assert numbers["refused"] > 10
+    assert numbers["fine"] > 10
+
+
+@pytest.mark.slow
+def test_thousands_of_mutated_files_end_no_reader(sources: dict[str, Path], tmp_path: Path) -> None:
+    jobs = []
+    with ThreadPoolExecutor(2) as pool:
+        for kind in KINDS:
+            for half in range(2):
+                folder = tmp_path / f"{kind}{half}"
+                folder.mkdir()
+                jobs.append(pool.submit(campaign, folder, 10_000 + half * 500, 500, sources[kind]))
+        numbers = [job.result() for job in jobs]
+    assert sum(found.get("contained", 0) for found in numbers) > 0, "no mutation was dangerous: see mutations.py"
