@@ -214,7 +214,8 @@ def _check(file: Any) -> Iterator[Problem]:
     for name, wanted in needed.items():
         found = _dataset(file, f"{_GEOMETRY}/{name}")
         if found is None:
-            yield Problem(f"{_GEOMETRY}/{name}", f"missing; must have shape {wanted}, in mm")
+            what = "is no dataset" if f"{_GEOMETRY}/{name}" in file else "missing"
+            yield Problem(f"{_GEOMETRY}/{name}", f"{what}; must have shape {wanted}, in mm")
             continue
         yield from array_problems(found, f"{_GEOMETRY}/{name}")
         if found.shape != wanted and not (wanted == () and found.size == 1):

@@ -12,7 +12,7 @@ from instrument.validation import InvalidInputError, Problem
 
 # Characters that are parsed to find out where statements begin: some hundred times those of a real file. A list of
 # many lines is parsed again with each of them.
-MOST_PARSED = 4_000_000
+MOST_PARSED = 500_000
 
 KeyPath = tuple[str | int, ...]
 

@@ -8,16 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.strangers.sources import write_sources
 from tests.strangers.trial import FAILED
 
 ROOT = Path(__file__).parents[2]
 KINDS = ("session", "stack", "result", "dictionary")
-
-
-@pytest.fixture(scope="module")
-def sources(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    return write_sources(tmp_path_factory.mktemp("sources"))
 
 
 def campaign(folder: Path, first: int, count: int, *sources: Path) -> dict[str, int]:
