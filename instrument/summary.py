@@ -17,6 +17,9 @@ from instrument.session import Session
 from instrument.session_reader import NotASessionError
 from instrument.validation import InvalidInputError, Problem
 
+BATCH = 500
+"""Files for one child process: a command line has an end."""
+
 DAMAGED, OTHER = "damaged", "other"
 """States of files beside those of a session (`layout.Status`): one that cannot be read, one that is no session."""
 
@@ -42,7 +45,7 @@ def summarise_all(paths: list[Path]) -> list[dict[str, Any]]:
     """
     rows: list[dict[str, Any]] = []
     while len(rows) < len(paths):
-        waiting, at = paths[len(rows) :], ""
+        waiting, at = paths[len(rows) : len(rows) + BATCH], ""
         try:
             for step in in_child("summaries", *waiting):
                 at = step.get("at", at)

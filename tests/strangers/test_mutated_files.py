@@ -1,6 +1,7 @@
 """Thousands of damaged and hostile files: each ends in a message, a flagged part, or nothing, and never in a crash."""
 
 import json
+import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -17,7 +18,11 @@ KINDS = ("session", "stack", "result", "dictionary")
 def campaign(folder: Path, first: int, count: int, *sources: Path) -> dict[str, int]:
     """Try `count` seeds of each source in a process of its own; fail with the seeds of what went wrong."""
     command = [sys.executable, "-m", "tests.strangers.trial", folder, first, count, *sources]
-    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, cwd=ROOT, check=False)
+    # A fork of a program with threads would wait for them.
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    done = subprocess.run(
+        list(map(str, command)), capture_output=True, text=True, cwd=ROOT, check=False, env=environment
+    )
     assert done.returncode == 0, done.stderr[-3000:]
     said = json.loads(done.stdout)
     numbers: dict[str, int] = said["numbers"]
@@ -28,10 +33,10 @@ def campaign(folder: Path, first: int, count: int, *sources: Path) -> dict[str, 
 
 
 def test_mutated_files_are_fine_or_refused_or_contained(sources: dict[str, Path], tmp_path: Path) -> None:
-    numbers = campaign(tmp_path, 0, 15, *sources.values())
+    numbers = campaign(tmp_path, 0, 8, *sources.values())
     # The mutations do something, and not everything that they do is fatal.
-    assert numbers["refused"] > 10
-    assert numbers["fine"] > 10
+    assert numbers["refused"] > 5
+    assert numbers["fine"] > 5
 
 
 @pytest.mark.slow

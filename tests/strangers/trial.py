@@ -103,6 +103,8 @@ def ending(work: Callable[[], int]) -> tuple[int, str]:
 def _limit() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    # For what waits without computing.
+    signal.alarm(60)
     step()
 
 
