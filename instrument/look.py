@@ -29,7 +29,7 @@ def refuse_dangerous(path: Path, extent: str = WHOLE) -> None:
     Parameters
     ----------
     path : Path
-        A file that need not be there or be HDF5: its reader says so.
+        It need not be there or be HDF5: its reader says so.
     extent : {"whole", "unpacked"}
 
     Raises
@@ -37,6 +37,8 @@ def refuse_dangerous(path: Path, extent: str = WHOLE) -> None:
     InvalidInputError
         If reading it ends the child, does not come to an end, or fills the memory; with where.
     """
+    if not path.is_file():
+        return
     where = str(path)
     try:
         for step in in_child("look", path, extent):
