@@ -48,6 +48,6 @@ def test_thousands_of_mutated_files_end_no_reader(sources: dict[str, Path], tmp_
             for half in range(2):
                 folder = tmp_path / f"{kind}{half}"
                 folder.mkdir()
-                jobs.append(pool.submit(campaign, folder, 10_000 + half * 300, 300, sources[kind]))
+                jobs.append(pool.submit(campaign, folder, 10_000 + half * 250, 250, sources[kind]))
         numbers = [job.result() for job in jobs]
     assert sum(found.get("contained", 0) for found in numbers) > 0, "no mutation was dangerous: see mutations.py"
