@@ -9,6 +9,8 @@ import h5py
 import numpy as np
 
 from analysis.atoms import MODELS, AnyAtom, Atom, TabulatedAtom, table_problems
+from analysis.reflectance import Cosines
+from instrument.bounds import array_problems, text_problems
 from instrument.validation import InvalidInputError, Problem, raise_if_any
 
 TABLE = "table"
@@ -72,12 +74,13 @@ def read_atoms(group: Any) -> tuple[AnyAtom, ...]:
     rows = [(model, float(a), float(b)) for model, (a, b) in zip(models, parameters, strict=True)]
     problems = list(_model_problems(group, models))
     grids: dict[int, tuple[TabulatedAtom, ...]] = {}
-    for number in sorted({int(a) for model, a, _ in rows if model == TABLE}):
+    for number in sorted({int(a) for model, a, _ in rows if model == TABLE and np.isfinite(a)}):
         try:
             grids[number] = read_tables(group, f"tables_{number}")
         except InvalidInputError as error:
             problems.extend(error.problems)
     problems.extend(_index_problems(group, rows, grids))
+    problems.extend(_parameter_problems(group, rows))
     raise_if_any(f"The atoms of {group.name} cannot be used.", problems)
     return tuple(grids[int(a)][int(b)] if model == TABLE else Atom(model, a, b) for model, a, b in rows)
 
@@ -93,9 +96,26 @@ def _index_problems(
     group: Any, rows: Iterable[tuple[str, float, float]], grids: dict[int, tuple[TabulatedAtom, ...]]
 ) -> Iterator[Problem]:
     for k, (model, a, b) in enumerate(rows):
-        if model == TABLE and int(a) in grids and not 0 <= int(b) < len(grids[int(a)]):
+        if model == TABLE and np.isfinite([a, b]).all() and int(a) in grids and not 0 <= int(b) < len(grids[int(a)]):
             what = f"atom {k} is table {int(b)} of tables_{int(a)}, which holds {len(grids[int(a)])}"
             yield Problem(f"{group.name}/atom_parameters", what)
+
+
+def _parameter_problems(group: Any, rows: Iterable[tuple[str, float, float]]) -> Iterator[Problem]:
+    for k, (model, a, b) in enumerate(rows):
+        if model in MODELS and not _is_brdf(Atom(model, a, b)):
+            what = f"atom {k} is {model!r} with {a:g} and {b:g}; its values are not all finite and positive"
+            yield Problem(f"{group.name}/atom_parameters", what)
+
+
+def _is_brdf(atom: Atom) -> bool:
+    """Whether an atom has parameters that its model can take."""
+    try:
+        with np.errstate(all="ignore"):
+            values = atom.evaluate(Cosines.on_slice(np.linspace(0.0, 1.5, 7)))
+    except (ArithmeticError, ValueError, IndexError):
+        return False
+    return bool(np.all(np.isfinite(values) & (values >= 0.0)))
 
 
 def read_tables(parent: Any, name: str) -> tuple[TabulatedAtom, ...]:
@@ -111,6 +131,9 @@ def read_tables(parent: Any, name: str) -> tuple[TabulatedAtom, ...]:
     missing = [key for key in TABLE_DATASETS if f"{name}/{key}" not in parent]
     raise_if_any(title, (Problem(f"{path}/{key}", "missing") for key in missing))
     group = parent[name]
+    numbers = [key for key in TABLE_DATASETS if key != "name"]
+    raise_if_any(title, (problem for key in numbers for problem in array_problems(group[key], f"{path}/{key}")))
+    raise_if_any(title, text_problems(group["name"], f"{path}/name"))
     theta_h, theta_d, value = (group[key][...].astype(np.float64) for key in ("theta_h", "theta_d", "value"))
     names, channels = group["name"].asstr()[...], group["channel"][...]
     problems = [Problem(f"{path}/{part}", what) for part, what in table_problems(theta_h, theta_d, value)]

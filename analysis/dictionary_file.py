@@ -13,10 +13,14 @@ from numpy.typing import NDArray
 
 from analysis.atom_file import TABLE_DATASETS, read_tables, write_tables
 from analysis.atoms import TabulatedAtom
+from instrument.bounds import array_problems, text_problems
+from instrument.foreign import HDF5_ERRORS, open_foreign
 from instrument.validation import InvalidInputError, Problem, raise_if_any
 
 SCHEMA = "1.0"
 _MATERIALS = ("name", "category", "file", "sha256")
+_N_MEASURED = "/entry/tables/n_measured"
+_TEXTS = ("/entry/program_version", *(f"/entry/materials/{name}" for name in _MATERIALS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,19 +114,19 @@ def read_dictionary(path: Path) -> MaterialTables:
     """
     title = f"{path} cannot be read as a dictionary."
     needed = [
-        "/entry/program_version",
-        *(f"/entry/materials/{name}" for name in _MATERIALS),
+        *_TEXTS,
         *(f"/entry/tables/{name}" for name in (*TABLE_DATASETS, "n_measured")),
     ]
     try:
-        with h5py.File(path, "r") as file:
+        with open_foreign(path, title) as file:
             raise_if_any(title, (Problem(name, "missing") for name in needed if name not in file))
+            raise_if_any(title, (problem for name in _TEXTS for problem in text_problems(file.get(name), name)))
+            raise_if_any(title, array_problems(file[_N_MEASURED], _N_MEASURED))
             return _read(file)
-    except InvalidInputError as error:
-        raise InvalidInputError(title, error.problems) from None
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        reason = "no such file" if not path.exists() else f"not a dictionary file, or damaged ({error})"
-        raise InvalidInputError(title, [Problem(str(path), reason)]) from None
+    except HDF5_ERRORS as error:
+        if isinstance(error, InvalidInputError):
+            raise InvalidInputError(title, error.problems) from None
+        raise InvalidInputError(title, [Problem(str(path), f"not a dictionary file, or damaged ({error})")]) from None
 
 
 def _read(file: Any) -> MaterialTables:

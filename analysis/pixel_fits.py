@@ -116,7 +116,9 @@ class PixelFits:
             atom = self.dictionary.atoms[k]
             part = Cosines(cosines.n_dot_h[users], cosines.cos_d[users], cosines.n_dot_l[users], cosines.n_dot_v[users])
             curve = atom.evaluate(part)
-            value[users] += curve[..., None] * weight[users].reshape(len(users), *(1,) * (len(shape) - 1), -1)
+            value[users] += curve[..., None] * weight[users].reshape(
+                len(users), *(1,) * (len(shape) - 1), weight.shape[1]
+            )
         return value
 
     def radiance(self, points: Array, camera: Array, light: Array, light_power: float = 1.0) -> Array:

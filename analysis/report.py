@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from analysis import figures
 from analysis.materials import group_materials
+from analysis.report_checks import report_problems
 from analysis.result import FLAG_NAMES, MODEL_NAMES, Result, diffuse_albedo, model_used
+from instrument.validation import raise_if_any
 
 Array = NDArray[np.float64]
 
@@ -29,7 +31,10 @@ def write_report(path: Path, result: Result, title: str) -> None:
     ------
     FileExistsError
         If there is a file already.
+    InvalidInputError
+        If the result does not say what a report shows.
     """
+    raise_if_any("The report cannot be made of this result.", report_problems(result))
     groups = group_materials(result.fits)
     picked = picked_points(result, groups)
     environment = jinja2.Environment(

@@ -24,7 +24,11 @@ from analysis.pixel_fits import PixelFits
 from analysis.reconstruction import Reconstruction
 from analysis.rectification import Grid
 from analysis.reflectance import Cosines
+from analysis.result_checks import result_problems, value_problems
 from analysis.stages import Stage
+from instrument.bounds import text_attribute
+from instrument.foreign import HDF5_ERRORS, open_foreign
+from instrument.json_text import parse_json
 from instrument.validation import InvalidInputError, Problem, raise_if_any
 
 Array = NDArray[np.float64]
@@ -245,40 +249,23 @@ def _read_band(group: Any, atoms: tuple[AnyAtom, ...]) -> MaterialBrdfs:
     return MaterialBrdfs(tables, log_sigma, theta_h, theta_d, seen)
 
 
-_NEEDED = (
-    "/entry/result/normals",
-    "/entry/result/normal_covariance",
-    "/entry/result/reduced_chi2",
-    "/entry/result/theta_h_range",
-    "/entry/result/flags",
-    "/entry/result/depth",
-    "/entry/result/depth_sigma",
-    "/entry/result/pixel_pitch",
-    "/entry/brdf/atom",
-    "/entry/brdf/coefficient",
-    "/entry/brdf/atom_model",
-    "/entry/brdf/atom_parameters",
-)
-
-
 def read_result(path: Path) -> Result:
     """Read a result file.
 
     Raises
     ------
     InvalidInputError
-        With everything that is missing, by its path in the file.
+        With everything that is missing or wrong, by its path in the file.
     """
     title = f"{path} cannot be read as a result."
     try:
-        with h5py.File(path, "r") as file:
-            raise_if_any(title, (Problem(name, "missing") for name in _NEEDED if name not in file))
+        with open_foreign(path, title) as file:
+            raise_if_any(title, result_problems(file))
             return _read(file)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except HDF5_ERRORS as error:
         if isinstance(error, InvalidInputError):
             raise InvalidInputError(title, error.problems) from None
-        reason = "no such file" if not path.exists() else f"not a result file, or damaged ({error})"
-        raise InvalidInputError(title, [Problem(str(path), reason)]) from None
+        raise InvalidInputError(title, [Problem(str(path), f"not a result file, or damaged ({error})")]) from None
 
 
 def _read(file: Any) -> Result:
@@ -302,13 +289,15 @@ def _read(file: Any) -> Result:
         coefficient=brdf["coefficient"][...].astype(np.float64).reshape(atom.shape),
         flags=maps["flags"][...].ravel(),
         theta_h_range=flat("theta_h_range"),
-        dictionary=Dictionary(str(brdf.attrs["dictionary"]), atoms),
+        dictionary=Dictionary(text_attribute(brdf, "dictionary") or "", atoms),
     )
+    grid = Grid(height, width, float(maps["pixel_pitch"][()]))
+    raise_if_any("", value_problems(fits, grid))
     error = maps["normal_error_deg"][...].astype(np.float64) if "normal_error_deg" in maps else None
-    text = {name: json.loads(file[f"/entry/{name}"].asstr()[()]) for name in ("choices", "stages", "summary")}
+    text = {name: parse_json(file[f"/entry/{name}"].asstr()[()]) for name in ("choices", "stages", "summary")}
     return Result(
         fits=fits,
-        grid=Grid(height, width, float(maps["pixel_pitch"][()])),
+        grid=grid,
         depth=maps["depth"][...].astype(np.float64),
         depth_sigma=maps["depth_sigma"][...].astype(np.float64),
         truth_error=error,

@@ -16,6 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.stack import Stack, Truth
+from instrument.bounds import array_problems, text_attribute
+from instrument.foreign import HDF5_ERRORS, hard_linked, open_foreign
+from instrument.json_text import parse_json
 from instrument.validation import InvalidInputError, Problem, raise_if_any
 
 Array = NDArray[np.float64]
@@ -153,8 +156,8 @@ def is_stack(path: Path) -> bool:
     """Tell whether a file claims to be a registered stack (and not, say, a session); a damaged one by its name."""
     try:
         with h5py.File(path, "r") as file:
-            return "/entry/stack" in file or "/entry/instrument" not in file
-    except OSError:
+            return bool(hard_linked(file, "/entry/stack") or not hard_linked(file, "/entry/instrument"))
+    except HDF5_ERRORS:
         return path.name.endswith(".stack.h5")
 
 
@@ -167,24 +170,23 @@ def read_stack(path: Path) -> Stack:
         With everything that is missing or of the wrong shape, by its path in the file.
     """
     title = f"{path} cannot be read as a registered stack."
+    file = open_foreign(path, title)
     try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        reason = "no such file" if not path.exists() else f"not an HDF5 file, or damaged ({error})"
-        raise InvalidInputError(title, [Problem(str(path), reason)]) from None
-    try:
-        raise_if_any(title, _check(file))
-        try:
-            stack = _read(file)
-            problems = list(_check_values(stack))
-        except (OSError, ValueError, TypeError, KeyError) as error:
-            raise InvalidInputError(title, [Problem(str(path), f"damaged: {error}")]) from None
-        raise_if_any(title, problems)
-    except BaseException:
+        stack = _read_checked(file, title)
+    except HDF5_ERRORS as error:
         file.close()
-        raise
+        if isinstance(error, InvalidInputError):
+            raise
+        raise InvalidInputError(title, [Problem(str(path), f"damaged: {error}")]) from None
     if isinstance(stack.radiance, np.ndarray):
         file.close()
+    return stack
+
+
+def _read_checked(file: Any, title: str) -> Stack:
+    raise_if_any(title, _check(file))
+    stack = _read(file)
+    raise_if_any(title, _check_values(stack))
     return stack
 
 
@@ -198,12 +200,11 @@ def _check(file: Any) -> Iterator[Problem]:
     if dataset is None:
         yield Problem(_RADIANCE, "missing; a stack needs the dataset radiance[view, height, width, channel]")
         return
-    shape = dataset.shape
+    shape: tuple[int, ...] = dataset.shape or ()
     if len(shape) != 4 or shape[-1] not in (1, 3) or 0 in shape:
         yield Problem(_RADIANCE, f"has shape {shape}; must be (views, height, width, channels), channels 1 or 3")
         return
-    if dataset.dtype.kind not in "fiu":
-        yield Problem(_RADIANCE, f"has type {dataset.dtype}; must be numbers (float32)")
+    yield from array_problems(dataset, _RADIANCE)
     if np.prod(shape, dtype=np.float64) * 4 > MAX_BYTES:
         yield Problem(_RADIANCE, f"has shape {shape}: more than {MAX_BYTES // 2**30} GiB; cut the area into parts")
     for name in ("variance", "saturated"):
@@ -213,8 +214,11 @@ def _check(file: Any) -> Iterator[Problem]:
     for name, wanted in needed.items():
         found = _dataset(file, f"{_GEOMETRY}/{name}")
         if found is None:
-            yield Problem(f"{_GEOMETRY}/{name}", f"missing; must have shape {wanted}, in mm")
-        elif found.shape != wanted and not (wanted == () and found.size == 1):
+            what = "is no dataset" if f"{_GEOMETRY}/{name}" in file else "missing"
+            yield Problem(f"{_GEOMETRY}/{name}", f"{what}; must have shape {wanted}, in mm")
+            continue
+        yield from array_problems(found, f"{_GEOMETRY}/{name}")
+        if found.shape != wanted and not (wanted == () and found.size == 1):
             advice = "; pixels must be square: resample the stack to one pitch" if name == "pixel_pitch" else ""
             yield Problem(f"{_GEOMETRY}/{name}", f"has shape {found.shape}; must be {wanted}{advice}")
     optional: dict[str, tuple[int, ...]] = {
@@ -234,32 +238,28 @@ def _check(file: Any) -> Iterator[Problem]:
 
 
 def _dataset(file: Any, path: str) -> Any:
-    """Return the dataset at `path`, or None; never one that another file holds."""
-    parent = file
-    for name in path.strip("/").split("/"):
-        if not isinstance(parent, h5py.Group) or isinstance(parent.get(name, getlink=True), h5py.ExternalLink):
-            return None
-        parent = parent.get(name)
-    if not isinstance(parent, h5py.Dataset) or parent.is_virtual or parent.external:
-        return None
-    # A soft link may lead to an external one; what counts is where the data lie.
-    if parent.file.filename != file.filename:
-        return None
-    return parent
+    """Return the dataset at `path`, or None."""
+    found = file.get(path)
+    return found if isinstance(found, h5py.Dataset) else None
 
 
 def _check_optional(file: Any, path: str, wanted: tuple[int, ...]) -> Iterator[Problem]:
     found = _dataset(file, path)
     if found is None and path in file:
-        yield Problem(path, "lies in another file or is no dataset; only data inside this file is read")
-    if found is not None and found.shape != wanted:
+        yield Problem(path, "is no dataset")
+    if found is None:
+        return
+    yield from array_problems(found, path)
+    if found.shape != wanted:
         yield Problem(path, f"has shape {found.shape}; must be {wanted}")
 
 
 def _read(file: Any) -> Stack:
     def optional(path: str, dtype: type[Any]) -> Any:
         found = _dataset(file, path)
-        return None if found is None else np.asarray(found[...], dtype)
+        # A number beyond float32 becomes infinite, which is not seen.
+        with np.errstate(over="ignore"):
+            return None if found is None else np.asarray(found[...], dtype)
 
     radiance = _dataset(file, _RADIANCE)
     n = radiance.shape[0]
@@ -270,7 +270,7 @@ def _read(file: Any) -> Stack:
     light_power = optional(f"{_GEOMETRY}/light_power", np.float64)
     falloff_sigma = optional(f"{_GEOMETRY}/falloff_sigma", np.float64)
     normals, depth = optional("/entry/truth/normals", np.float64), optional("/entry/truth/depth", np.float64)
-    pixels = radiance.attrs.get("pixels", file["/entry/stack"].attrs.get("pixels", "surface"))
+    stated = (text_attribute(thing, "pixels") for thing in (radiance, file["/entry/stack"]))
     return Stack(
         radiance=found["radiance"],
         camera_position=optional(f"{_GEOMETRY}/camera_position", np.float64),
@@ -279,14 +279,14 @@ def _read(file: Any) -> Stack:
         light_power=np.ones(n) if light_power is None else light_power,
         variance=found["variance"],
         saturated=found["saturated"],
-        pixels=pixels.decode() if isinstance(pixels, bytes) else str(pixels),
+        pixels=next((text for text in stated if text is not None), "surface"),
         camera_rotation=optional(f"{_GEOMETRY}/camera_rotation", np.float64),
         light_offset=optional(f"{_GEOMETRY}/light_offset", np.float64),
         light_offset_sigma=optional(f"{_GEOMETRY}/light_offset_sigma", np.float64),
         light_power_sigma=optional(f"{_GEOMETRY}/light_power_sigma", np.float64),
         registration_sigma=optional(f"{_GEOMETRY}/registration_sigma", np.float64),
         falloff_sigma=None if falloff_sigma is None else float(falloff_sigma),
-        notes={k: str(v) for k, v in file["/entry"].attrs.items() if k in NOTES},
+        notes={name: text for name in NOTES if (text := text_attribute(file["/entry"], name)) is not None},
         truth=_truth(normals, depth, optional("/entry/truth/material", np.int64)),
     )
 
@@ -323,9 +323,24 @@ def _check_values(stack: Stack) -> Iterator[Problem]:
         yield Problem(f"{_GEOMETRY}/pixel_pitch", f"is {stack.pixel_pitch}; must be a positive number of mm")
     if not np.all(np.isfinite(stack.light_power) & (stack.light_power > 0.0)):
         yield Problem(f"{_GEOMETRY}/light_power", "must be positive and finite for every view")
+    for name in ("camera_rotation", "light_offset", "light_offset_sigma", "light_power_sigma", "registration_sigma"):
+        values = getattr(stack, name)
+        if values is not None and not np.isfinite(values).all():
+            yield Problem(f"{_GEOMETRY}/{name}", "must be finite; leave it out if it is not known")
+    yield from _note_problems(stack)
     if stack.pixels not in ("surface", "independent"):
         yield Problem(_RADIANCE, f"attribute pixels is {stack.pixels!r}; must be 'surface' or 'independent'")
     # All views, though one would do: what cannot be read is to be said now and not in the middle of the work.
     seen = [bool(np.isfinite(stack.radiance[v]).any()) for v in range(stack.n_views)]
     if not any(seen):
         yield Problem(_RADIANCE, "has no finite value: no view sees the sample")
+
+
+def _note_problems(stack: Stack) -> Iterator[Problem]:
+    try:
+        figures = parse_json(stack.notes.get("calibration") or "{}")
+    except ValueError as error:
+        yield Problem("/entry@calibration", f"is not JSON ({error}); leave the attribute out")
+        return
+    if not isinstance(figures, dict):
+        yield Problem("/entry@calibration", "must be figures by name; leave the attribute out")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cli.output import check_new, stage_announcer, write_json
+from instrument.validation import LINE_BREAK, printable
 
 if TYPE_CHECKING:
     from analysis.calibration_report import CalibrationReport
@@ -35,7 +36,9 @@ def calibrate(
     check_new(*(path for path in (output, page, json_file) if path))
     from analysis.calibration_report import write_calibration_page
     from analysis.stages import Stages
+    from instrument.look import refuse_dangerous
 
+    refuse_dangerous(session)
     stages = Stages(stage_announcer(quiet))
     report = calibration_only(session, stages) if output is None else calibrate_into(session, output, pitch, stages)
     if page:
@@ -93,7 +96,8 @@ def checks_text(report: CalibrationReport, *, tell_all: bool = False) -> str:
     lines.append(f"calibration checks: {report.verdict}")
     if count(checks, Status.FAIL):
         lines.append("THE CALIBRATION FAILED: do not trust maps made with it before what failed is put right.")
-    return "\n".join(lines)
+    # Names and numbers come from the session, whoever made it.
+    return printable("\n".join(lines), keep=LINE_BREAK)
 
 
 def budget_text(contributions: dict[str, float]) -> str:

@@ -67,8 +67,10 @@ def capture(protocol: Path, rig: Path, output: Path, faults: Path | None) -> Non
 @faults_option
 def resume(session: Path, accept_moved: bool, faults: Path | None) -> None:
     """Go on with an interrupted SESSION at its first incomplete pose."""
+    from instrument.look import refuse_dangerous
     from protocols import engine
 
+    refuse_dangerous(session)
     with _bar("resume") as watch:
         outcome = engine.resume(session, watch, _devices(faults), accept_moved=accept_moved)
     _conclude(outcome)

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from cli.output import check_new, stage_announcer, table
+from instrument.validation import LINE_BREAK, printable
 
 FILE = click.Path(path_type=Path, dir_okay=False)
 
@@ -20,7 +21,7 @@ def dictionary() -> None:
 @click.argument("file", type=FILE, required=False)
 def list_dictionaries(file: Path | None) -> None:
     """List the dictionaries that are built in, or the materials in a dictionary FILE."""
-    click.echo(_materials(file) if file else _built_in())
+    click.echo(printable(_materials(file), keep=LINE_BREAK) if file else _built_in())
 
 
 def _built_in() -> str:
@@ -36,7 +37,9 @@ def _built_in() -> str:
 
 def _materials(file: Path) -> str:
     from analysis.dictionary_file import read_dictionary
+    from instrument.look import refuse_dangerous
 
+    refuse_dangerous(file)
     tables = read_dictionary(file)
     rows = [("material", "category", "cells measured", "sha256 of the file")]
     for material in tables.materials:
@@ -54,7 +57,9 @@ def info(name: str) -> None:
     from analysis.atoms import Atom
     from analysis.dictionary import by_name
     from analysis.reflectance import Cosines
+    from instrument.look import refuse_dangerous
 
+    refuse_dangerous(Path(name))
     chosen = by_name(name)
     degrees = (0, 5, 20, 45, 70)
     values = chosen.evaluate(Cosines.on_slice(np.deg2rad(np.array(degrees, float))))
@@ -62,7 +67,7 @@ def info(name: str) -> None:
     for index, atom in enumerate(chosen.atoms):
         head = (atom.model, f"{atom.a:.4g}", f"{atom.b:.4g}") if isinstance(atom, Atom) else (atom.label, "-", "-")
         rows.append((*head, *(f"{v:.3g}" for v in values[:, index])))
-    click.echo(table(rows))
+    click.echo(printable(table(rows), keep=LINE_BREAK))
 
 
 @dictionary.command(epilog="Example: halfangle dictionary build merl -o merl.dictionary.h5 --categories categories.csv")

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from drivers.errors import CancelledError, DeviceError
-from instrument.validation import InvalidInputError
+from instrument.validation import LINE_BREAK, InvalidInputError, printable
 
 # name -> (module:command, help line). The help lines stand here so that `--help` imports no command.
 COMMANDS = {
@@ -18,7 +18,7 @@ COMMANDS = {
     "plan": ("cli.capture:plan", "Dry run of a protocol: poses, frames, time, bytes."),
     "capture": ("cli.capture:capture", "Capture a protocol on a rig into a session."),
     "resume": ("cli.capture:resume", "Go on with an interrupted session."),
-    "session": ("cli.session:session", "Look at, verify and export session files."),
+    "session": ("cli.session:session", "Look at, verify, pack and export session files."),
     "import": ("cli.importing:import_pictures", "Bring in pictures from elsewhere."),
     "calibrate": ("cli.calibration:calibrate", "Session to registered stack, with a report of checks."),
     "reconstruct": ("cli.reconstruction:reconstruct", "Session or stack to normals, depth and BRDF."),
@@ -67,7 +67,7 @@ def main(arguments: list[str] | None = None) -> Any:
         click.echo(f"halfangle: {error}", err=True)
         sys.exit(2)
     except (DeviceError, CancelledError, OSError) as error:
-        click.echo(f"halfangle: {error}", err=True)
+        click.echo(f"halfangle: {printable(str(error), keep=LINE_BREAK)}", err=True)
         _leave(1)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -92,7 +91,10 @@ def reconstruct(
     from analysis.reconstruction import Options
     from analysis.result import write_result
     from analysis.stages import Stages
+    from instrument.look import refuse_dangerous
 
+    refuse_dangerous(source)
+    refuse_dangerous(Path(choices["dictionary"]))
     # Before a session is registered, which takes minutes.
     by_name(choices["dictionary"])
     stages = Stages(stage_announcer(quiet))
@@ -108,6 +110,7 @@ def reconstruct(
 def read_source(source: Path, registered: Path, pitch: float | None, stages: Stages) -> tuple[Stack, dict[str, Any]]:
     """Read a registered stack, or register a session into `registered`; return it and the calibration's figures."""
     from analysis.stack_file import is_stack, read_stack
+    from instrument.json_text import parse_json
 
     if not is_stack(source):
         stack, report = stack_from_session(source, registered, pitch, stages)
@@ -115,7 +118,7 @@ def read_source(source: Path, registered: Path, pitch: float | None, stages: Sta
     with stages.measure("reading"):
         stack = read_stack(source)
     text = stack.notes.get("calibration")
-    return stack, json.loads(text) if text else {}
+    return stack, parse_json(text) if text else {}
 
 
 def result_from_stack(
@@ -180,8 +183,10 @@ def render(result: Path, camera: str, light: str, light_power: float, output: Pa
     check_new(output)
     from analysis.pictures import check_picture_name, write_picture
     from analysis.result import read_result
+    from instrument.look import refuse_dangerous
 
     check_picture_name(output)
+    refuse_dangerous(result)
     positions = parse_position(camera, "--camera"), parse_position(light, "--light")
     radiance = read_result(result).render(*positions, light_power)
     write_picture(output, radiance)
@@ -197,6 +202,8 @@ def report(result: Path, output: Path, title: str | None) -> None:
     check_new(output)
     from analysis.report import write_report
     from analysis.result import read_result
+    from instrument.look import refuse_dangerous
 
+    refuse_dangerous(result)
     write_report(output, read_result(result), title or result.name)
     click.echo(str(output))

@@ -1,20 +1,25 @@
-"""`halfangle session info`, `verify`, `list` and `export`."""
+"""`halfangle session info`, `verify`, `list`, `pack` and `export`."""
 
 from __future__ import annotations
 
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
+
+from instrument.validation import printable
+
+if TYPE_CHECKING:
+    from instrument.examination import Examination
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 
 
 @click.group()
 def session() -> None:
-    """Look at, verify and export session files."""
+    """Look at, verify, pack and export session files."""
 
 
 @session.command(epilog="Example: halfangle session info relief.h5")
@@ -32,31 +37,78 @@ def info(path: Path, as_json: bool) -> None:
 @click.argument("path", type=click.Path(path_type=Path))
 @json_option
 def verify(path: Path, as_json: bool) -> None:
-    """Check the session PATH, every frame of it; exit 1 if anything is wrong, 2 if it is no session."""
-    from instrument.verify import verify_session
+    """Check the session PATH, every frame of it, and say which poses are good; PATH is never changed.
 
-    problems = list(verify_session(path))
-    if as_json:
-        click.echo(json.dumps([{"where": problem.where, "what": problem.what} for problem in problems]))
-    else:
-        click.echo("\n".join(map(str, problems)) or f"{path}: every check passed")
-    if problems:
+    Exit 1 if anything is wrong, 2 if it is no session.
+    """
+    from instrument.examination import examination
+
+    found = examination(path)
+    click.echo(json.dumps(found.as_dict()) if as_json else _verdict(found))
+    if found.problems:
         sys.exit(1)
+
+
+def _verdict(found: Examination) -> str:
+    lines = [str(problem) for problem in found.problems]
+    passed = "" if found.problems else "every check passed; "
+    lines.append(f"{found.path}: {passed}{len(found.good)} of {found.n_poses} poses are good: {_ranges(found.good)}")
+    if found.missing:
+        lines.append(f"not captured: poses {_ranges(found.missing)}; halfangle resume goes on with them")
+    if found.problems:
+        lines.append("Reprocess the good poses only; keep the file as it is, and capture the others again.")
+    return "\n".join(lines)
+
+
+def _ranges(numbers: list[int]) -> str:
+    """Return [0, 1, 2, 5] as "0-2, 5"."""
+    starts = [n for n in numbers if n - 1 not in numbers]
+    ends = [n for n in numbers if n + 1 not in numbers]
+    return ", ".join(f"{a}-{b}" if a < b else str(a) for a, b in zip(starts, ends, strict=True)) or "none"
 
 
 @session.command("list", epilog="Example: halfangle session list captures")
 @click.argument("folder", type=click.Path(path_type=Path, exists=True, file_okay=False), default=".")
 @json_option
 def list_sessions(folder: Path, as_json: bool) -> None:
-    """List the sessions in FOLDER (the current one by default)."""
+    """List every HDF5 file (*.h5) in FOLDER (the current one by default) with its state.
+
+    complete, interrupted, recording (being written now) or aborted; damaged, with the reason; other: no session.
+    """
     from instrument.summary import summarise_all
 
-    rows = summarise_all(folder)
+    rows = summarise_all(sorted(folder.glob("*.h5")))
     if as_json:
         click.echo(json.dumps(rows, indent=2))
         return
     for row in rows:
-        click.echo(f"{row['status']:<12} {row['n_complete']:>5}/{row['n_poses']:<5} {row['path']}  {row['title']}")
+        click.echo(printable(_listed(row)))
+
+
+def _listed(row: dict[str, Any]) -> str:
+    if "problems" in row:
+        (where, what), *others = row["problems"]
+        place = "" if where == row["path"] else f"{where}: "
+        poses, text = "", place + what + (f" (and {len(others)} more)" if others else "")
+    else:
+        poses, text = f"{row['n_complete']:>5}/{row['n_poses']:<5}", row["title"]
+    return f"{row['state']:<12} {poses:<11} {row['path']}  {text}"
+
+
+@session.command(epilog="Example: halfangle session pack relief.h5 -o relief.packed.h5")
+@click.argument("path", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The smaller session to write.")
+def pack(path: Path, output: Path) -> None:
+    """Copy the session PATH into a smaller file of the same content, and verify that; PATH is not changed."""
+    from cli.output import check_new
+    from cli.progress import progress_bar
+    from instrument.pack import pack_session
+
+    check_new(output)
+    with progress_bar("pack") as step:
+        pack_session(path, output, lambda done, total, name: step(done, name, total))
+    before, after = (file.stat().st_size for file in (path, output))
+    click.echo(f"{output}: {after / 1e6:.2f} MB of {before / 1e6:.2f} MB, {100 * after / before:.0f} %")
 
 
 @session.command(epilog="Example: halfangle session export relief.h5 -o relief")
@@ -66,10 +118,12 @@ def export(path: Path, output: Path) -> None:
     """Write the frames of the session PATH as DNG files with a capture.toml; `halfangle import` reads them back."""
     from cli.output import check_new
     from cli.progress import progress_bar
+    from instrument.look import refuse_dangerous
     from instrument.pictures.export import export_session
     from instrument.session import Session
 
     check_new(output)
+    refuse_dangerous(path)
     with Session(path) as source, progress_bar("export") as step:
         n_written = export_session(source, output, lambda done, total, name: step(done, name, total))
     click.echo(f"{output}: {n_written} pictures and capture.toml")
@@ -77,7 +131,7 @@ def export(path: Path, output: Path) -> None:
 
 def _table(summary: dict[str, Any]) -> str:
     width = max(map(len, summary))
-    return "\n".join(f"{name:<{width}}  {_shown(value)}" for name, value in summary.items())
+    return "\n".join(f"{name:<{width}}  {printable(_shown(value))}" for name, value in summary.items())
 
 
 def _shown(value: Any) -> str:

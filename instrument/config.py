@@ -25,6 +25,9 @@ Misfits = Callable[[dict[str, Any]], Iterator[tuple[KeyPath, str]]]
 # A configuration is a page or two; a larger file is some other file.
 MAX_BYTES = 1_000_000
 
+# More than that nobody reads.
+MOST_PROBLEMS = 100
+
 
 def load_rig(path: Path | str) -> RigConfig:
     """Read a rig's configuration.
@@ -75,7 +78,10 @@ def load_settings(model: type[Config], path: Path, misfits: Misfits | None = Non
     found = [*_complaints(model, data, misfits is None), *(misfits(data) if misfits else ())]
     lines = TomlLines(text)
     at = sorted((lines.line(key), what) for key, what in found)
-    raise_if_any(f"{path} cannot be used", [Problem(f"{path.name}:{line}", what) for line, what in at])
+    problems = [Problem(f"{path.name}:{line}", what) for line, what in at[:MOST_PROBLEMS]]
+    if len(at) > MOST_PROBLEMS:
+        problems.append(Problem(path.name, f"and {len(at) - MOST_PROBLEMS} more; is it the right file?"))
+    raise_if_any(f"{path} cannot be used", problems)
     config = validate(model, data)
     config.remember(text)
     return config

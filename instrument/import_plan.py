@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from instrument.digests import text_digest
+from instrument.json_text import parse_json
 
 KIND = "import"
 PLAN_VERSION = "1.0"
@@ -87,7 +88,7 @@ BESIDE = ("darks", "flats", "ambient", "response")
 def is_import(plan_json: str) -> bool:
     """Whether a session's plan is that of an import."""
     try:
-        data = json.loads(plan_json)
+        data = parse_json(plan_json)
     except ValueError:
         return False
     return isinstance(data, dict) and data.get("kind") == KIND

@@ -9,17 +9,19 @@ from types import TracebackType
 from typing import Any, Self
 
 import h5py
-import hdf5plugin
 import numpy as np
 from numpy.typing import NDArray
 
 from instrument import layout
+from instrument.bounds import text_attribute
+from instrument.foreign import HDF5_ERRORS, hard_linked, why_not_open
 from instrument.layout import Field
-from instrument.structure import HDF5_ERRORS, structure_problems
+from instrument.structure import structure_problems
 from instrument.validation import InvalidInputError, Problem, raise_if_any
 
-# Importing hdf5plugin registers the filter that the frames are stored with.
-FILTERS = hdf5plugin.FILTERS
+
+class NotASessionError(InvalidInputError):
+    """A sound file that holds something else than a session of this format."""
 
 
 class SessionReader:
@@ -100,15 +102,37 @@ def open_session_file(path: Path) -> h5py.File:
     InvalidInputError
         If `path` is missing, not HDF5, damaged, or holds something else than a session.
     """
+    file = open_hdf5(path)
     try:
-        file = _open(path)
-    except OSError as error:
-        raise _unusable(path, _why_not_open(path, error)) from None
-    why = _why_foreign(file)
-    if why:
+        refuse_foreign(file, path)
+    except InvalidInputError:
         file.close()
-        raise _unusable(path, why)
+        raise
     return file
+
+
+def open_hdf5(path: Path) -> h5py.File:
+    """Open a file as a session is opened, whatever it holds.
+
+    Raises
+    ------
+    InvalidInputError
+        If `path` is missing, not HDF5, or too damaged for that.
+    """
+    try:
+        return _open(path)
+    except HDF5_ERRORS as error:
+        raise _unusable(path, why_not_open(path, error)) from None
+
+
+def refuse_foreign(file: h5py.File, path: Path) -> None:
+    """Raise `NotASessionError` if an open file holds something else, `InvalidInputError` if it cannot be told."""
+    try:
+        why = _why_foreign(file)
+    except HDF5_ERRORS as error:
+        raise _unusable(path, f"the file is damaged: {error}") from None
+    if why:
+        raise NotASessionError(f"{path} is not a usable session", [Problem(str(path), why)])
 
 
 def _open(path: Path) -> h5py.File:
@@ -127,28 +151,20 @@ def _unusable(path: Path, why: str) -> InvalidInputError:
     return InvalidInputError(f"{path} is not a usable session", [Problem(str(path), why)])
 
 
-def _why_not_open(path: Path, error: OSError) -> str:
-    if not path.exists():
-        return "there is no such file"
-    if path.is_dir():
-        return "this is a folder; name a file in it"
-    if isinstance(error, PermissionError):
-        return "there is no permission to read it"
-    if not h5py.is_hdf5(path):
-        return "this is not an HDF5 file"
-    return f"the file is damaged or cut short: {error}"
-
-
 def _why_foreign(file: h5py.File) -> str:
-    try:
-        entry = file[layout.ENTRY]
-        version = str(entry.attrs[layout.SCHEMA_ATTRIBUTE])
-        holds = set(entry)
-    except HDF5_ERRORS:
+    entry = hard_linked(file, layout.ENTRY)
+    version = text_attribute(entry, layout.SCHEMA_ATTRIBUTE) if isinstance(entry, h5py.Group) else None
+    if version is None:
         return f"this HDF5 file is not of halfangle: {layout.ENTRY} has no {layout.SCHEMA_ATTRIBUTE}"
+    holds = set(entry)
     if "instrument" not in holds:
-        return f"this is not a session: {layout.ENTRY} holds {', '.join(sorted(holds)) or 'nothing'}"
+        return f"this is not a session: {layout.ENTRY} holds {_listed(holds)}"
     major = layout.SCHEMA_VERSION.split(".")[0]
     if version.split(".", maxsplit=1)[0] != major:
         return f"the session has format {version}; this halfangle reads {major}.x"
     return ""
+
+
+def _listed(names: set[str]) -> str:
+    shown = sorted(names)[:8]
+    return ", ".join(shown) + (" and more" if len(names) > len(shown) else "") or "nothing"

@@ -2,38 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, MutableMapping
+from collections.abc import Iterable, Iterator
 
 import h5py
 import numpy as np
 
 from instrument import layout
+from instrument.bounds import shape_fits, size_problems, storage_problems, text_attribute
+from instrument.foreign import HDF5_ERRORS, hard_linked, leading_out
 from instrument.layout import Field
 from instrument.validation import Problem
-
-# What h5py raises on a damaged file, depending on which byte is wrong.
-HDF5_ERRORS = (
-    OSError,
-    RuntimeError,
-    LookupError,
-    ValueError,
-    TypeError,
-    AttributeError,
-    ArithmeticError,
-    MemoryError,
-    SystemError,
-)
 
 # A frame is counts, or floating-point numbers where a picture came as such.
 FRAME_DTYPES = ("u2", "f4")
 
-Dims = MutableMapping[str, int]
+# Letters whose sizes only bound each other: lines of the journal, channels of a curve, a preview's pixels.
+LARGEST = {**layout.LARGEST, "K": 3, "h": layout.LARGEST["H"], "w": layout.LARGEST["W"]}
+
+MISSING = "is missing"
+
+Dims = dict[str, int]
 
 
 def structure_problems(file: h5py.File) -> Iterator[Problem]:
     """Yield everything that is missing, mis-shaped, or points out of the file."""
     try:
-        yield from _links_out(file)
+        yield from leading_out(file)
         dims: dict[str, int] = {}
         yield from _problems(file, _expected_fields(file), dims)
         yield from _too_large(dims)
@@ -52,17 +46,17 @@ def n_boards(file: h5py.File) -> int:
 
 
 def _groups_within(file: h5py.File, path: str) -> list[str]:
-    group = file.get(path)
+    group = hard_linked(file, path)
     if not isinstance(group, h5py.Group):
         return []
-    return [name for name in group if isinstance(group.get(name), h5py.Group)]
+    return [name for name in group if isinstance(hard_linked(group, name), h5py.Group)]
 
 
 def _expected_fields(file: h5py.File) -> Iterator[Field]:
     # The frames come first: all other shapes must agree with theirs.
     yield layout.IMAGES
     for field in layout.FIELDS:
-        if field is not layout.IMAGES and not (field.optional and field.path not in file):
+        if field is not layout.IMAGES:
             yield field
     for name in axis_names(file):
         yield from (layout.axis_field(name, field.path) for field in layout.AXIS_FIELDS)
@@ -74,6 +68,8 @@ def _problems(file: h5py.File, fields: Iterable[Field], dims: Dims) -> Iterator[
     known: dict[str, str] = {"": ""}
     for field in fields:
         why = _why_missing(file, field.path, known)
+        if why.endswith(MISSING) and field.optional:
+            continue
         if why:
             yield Problem(field.path, why.removeprefix(f"{field.path} "))
         else:
@@ -93,7 +89,7 @@ def _why_not_in(file: h5py.File, parent: str, path: str) -> str:
         return f"{parent} is no group"
     link = file.get(path, getlink=True)
     if link is None:
-        return f"{path} is missing"
+        return f"{path} {MISSING}"
     if not isinstance(link, h5py.HardLink):
         return f"{path} is a link to elsewhere; a session holds all of its data itself"
     return ""
@@ -103,16 +99,18 @@ def _dataset_problems(dataset: h5py.Dataset | h5py.Group, field: Field, dims: Di
     if not isinstance(dataset, h5py.Dataset):
         yield Problem(field.path, "is a group and should be a dataset")
         return
-    if dataset.is_virtual or dataset.external:
-        yield Problem(field.path, "takes its values from other files; a session holds all of its data itself")
     if not _dtype_fits(dataset.dtype, field):
         expected = " or ".join(FRAME_DTYPES) if field.dtype == "frame" else field.dtype
         yield Problem(field.path, f"has type {dataset.dtype}; expected {expected}")
     if not _shape_fits(dataset.shape, field, dims):
         yield Problem(field.path, f"has shape {dataset.shape}; expected {_expected_shape(field, dims)}")
-    units = dataset.attrs.get("units", "")
+    units = text_attribute(dataset, "units")
     if field.units and units != field.units:
         yield Problem(field.path, f"has units {units!r}; expected {field.units!r}")
+    yield from storage_problems(dataset, field.path)
+    if "H" not in field.shape:
+        # Frames wait for the capture to fill them, and are read one by one.
+        yield from size_problems(dataset, field.path)
 
 
 def _dtype_fits(dtype: np.dtype[np.generic], field: Field) -> bool:
@@ -129,10 +127,7 @@ def _shape_fits(shape: tuple[int, ...] | None, field: Field, dims: Dims) -> bool
     if field.shape[-1:] == ("C?",) and len(shape) == len(field.shape) - 1:
         # Frames without channels, which then no other field of the session may have.
         shape = (*shape, 0)
-    return len(shape) == len(field.shape) and all(
-        part == "*" or size == (dims.setdefault(part, size) if isinstance(part, str) else part)
-        for part, size in zip(field.shape, shape, strict=True)
-    )
+    return shape_fits(shape, field.shape, dims)
 
 
 def _expected_shape(field: Field, dims: Dims) -> str:
@@ -141,7 +136,7 @@ def _expected_shape(field: Field, dims: Dims) -> str:
 
 
 def _too_large(dims: Dims) -> Iterator[Problem]:
-    for name, largest in layout.LARGEST.items():
+    for name, largest in LARGEST.items():
         if not 0 < dims.get(name, 1) <= largest:
             yield Problem(layout.IMAGES.path, f"has {name} = {dims[name]}; allowed is 1 to {largest}")
     if dims.get("C?", 0) not in (0, 3):
@@ -150,20 +145,3 @@ def _too_large(dims: Dims) -> Iterator[Problem]:
     if bracket > layout.LARGEST_BRACKET_BYTES:
         limit = layout.LARGEST_BRACKET_BYTES
         yield Problem(layout.IMAGES.path, f"needs {bracket} bytes for one pose; allowed are {limit}")
-
-
-def _links_out(file: h5py.File) -> Iterator[Problem]:
-    """Walk every group once; nothing is followed out of the file."""
-    seen, waiting = {file.id}, [file["/"]]
-    while waiting:
-        group = waiting.pop()
-        for name in group:
-            link = group.get(name, getlink=True)
-            where = f"{group.name.rstrip('/')}/{name}"
-            if isinstance(link, h5py.ExternalLink):
-                yield Problem(where, "links to another file; a session holds all of its data itself")
-            elif isinstance(link, h5py.HardLink):
-                child = group[name]
-                if isinstance(child, h5py.Group) and child.id not in seen:
-                    seen.add(child.id)
-                    waiting.append(child)

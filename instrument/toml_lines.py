@@ -7,7 +7,12 @@ import tomllib
 from collections.abc import Iterator
 from typing import Any
 
+from instrument.json_text import TOO_DEEP, refuse_deep
 from instrument.validation import InvalidInputError, Problem
+
+# Characters that are parsed to find out where statements begin: some hundred times those of a real file. A list of
+# many lines is parsed again with each of them.
+MOST_PARSED = 500_000
 
 KeyPath = tuple[str | int, ...]
 
@@ -21,10 +26,14 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
         If `text` is not TOML, with the line in the file `name`.
     """
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        data = tomllib.loads(text)
+        refuse_deep(data)
+    except ValueError as error:
         where = f"{name}:{_error_line(str(error), text)}"
         raise InvalidInputError(f"{name} is not TOML", [Problem(where, str(error))]) from None
+    except RecursionError:
+        raise InvalidInputError(f"{name} cannot be used", [Problem(name, f"is {TOO_DEEP}")]) from None
+    return data
 
 
 class TomlLines:
@@ -84,10 +93,14 @@ def _statements(text: str) -> Iterator[tuple[int, str]]:
     A part of a statement that ends at a line break leaves a bracket or a string open, so it never
     parses by itself: the first piece that parses is the whole statement.
     """
-    piece, first = "", 1
+    piece, first, parsed = "", 1, 0
     for number, line in enumerate(re.split(r"(?<=\n)", text), start=1):
         first = first if piece else number
         piece += line
+        parsed += len(piece)
+        if parsed > MOST_PARSED:
+            # What follows is then said to be where its table is.
+            return
         try:
             content = tomllib.loads(piece)
         except tomllib.TOMLDecodeError:

@@ -5,6 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+LINE_BREAK = "\n"
+
+
+def printable(text: str, keep: str = "") -> str:
+    """Return a text from a file as a terminal may show it: what steers one, or hides text, is spelt out.
+
+    Parameters
+    ----------
+    text : str
+    keep : str
+        Characters that are left as they are.
+    """
+    return "".join(c if c.isprintable() or c in keep else c.encode("unicode_escape").decode() for c in text)
+
 
 @dataclass(frozen=True, slots=True)
 class Problem:
@@ -22,7 +36,7 @@ class Problem:
     what: str
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.what}"
+        return f"{printable(self.where)}: {printable(self.what, keep=LINE_BREAK)}"
 
 
 class InvalidInputError(ValueError):

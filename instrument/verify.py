@@ -1,17 +1,19 @@
-"""Checks that every frame of a session is what the camera gave, and that the whole is consistent."""
+"""Checks that a session is consistent, and every frame of it what the camera gave."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 
+import h5py
 import numpy as np
 
 from instrument import layout
-from instrument.digests import chain_digest, frame_digest, text_digest
+from instrument.digests import text_digest
 from instrument.import_plan import ImportPlan
+from instrument.json_text import parse_json
 from instrument.layout import Status
+from instrument.pose_check import PoseJournal, pose_problems
 from instrument.session import Session
 from instrument.session_reader import open_session_file
 from instrument.structure import structure_problems
@@ -19,7 +21,7 @@ from instrument.validation import InvalidInputError, Problem
 
 
 def verify_session(path: Path | str) -> Iterator[Problem]:
-    """Yield everything that is wrong with a session; reads every frame of its complete poses.
+    """Yield everything that is wrong with a session; reads every frame of its complete poses, in this process.
 
     Raises
     ------
@@ -28,13 +30,21 @@ def verify_session(path: Path | str) -> Iterator[Problem]:
     """
     with open_session_file(Path(path)) as file:
         problems = tuple(structure_problems(file))
-    if problems:
         # Without its structure the content means nothing.
-        yield from problems
-        return
+        yield from problems or (*content_problems(Path(path)), *_all_poses(file, Path(path)))
+
+
+def content_problems(path: Path) -> Iterator[Problem]:
+    """Yield what contradicts itself in a session of sound structure; reads no frame."""
     with Session(path) as session:
-        for check in (plan_problems, _status_problems, _journal_problems, _frame_problems):
+        for check in (plan_problems, _status_problems, _readback_problems):
             yield from _guarded(check(session))
+
+
+def _all_poses(file: h5py.File, path: Path) -> Iterator[Problem]:
+    journal = PoseJournal.read(file, path.stat().st_size)
+    for i_pose in np.flatnonzero(journal.complete).tolist():
+        yield from filter(None, pose_problems(file, journal, i_pose))
 
 
 def _guarded(problems: Iterator[Problem]) -> Iterator[Problem]:
@@ -51,10 +61,10 @@ def plan_problems(session: Session) -> Iterator[Problem]:
         yield Problem(layout.PLAN_SHA256.path, "does not fit the plan: one of the two was changed")
         return
     try:
-        plan = json.loads(session.plan_json)
+        plan = parse_json(session.plan_json)
         imported = ImportPlan.from_dict(plan) if session.is_imported else None
         times, n_poses = plan["exposure_times_s"], len(plan["poses"] if imported else plan["positions"])
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, LookupError, TypeError, AttributeError):
         yield Problem(layout.PLAN_JSON.path, "is not a plan")
         return
     if times != session.exposure_times.tolist():
@@ -84,30 +94,7 @@ def _status_problems(session: Session) -> Iterator[Problem]:
         yield Problem(layout.END_TIME.path, "is empty in a complete session")
 
 
-def _journal_problems(session: Session) -> Iterator[Problem]:
+def _readback_problems(session: Session) -> Iterator[Problem]:
     whole, ok = session.pose_complete, session.frame_ok
-    for i_pose in np.flatnonzero(whole & ~ok.any(axis=1)):
-        yield Problem(layout.FRAME_OK.path, f"pose {i_pose} is marked complete without a valid frame")
     for i_pose in np.flatnonzero(whole & (ok & ~(session.exposure_readback > 0)).any(axis=1)):
         yield Problem(layout.EXPOSURE_READBACK.path, f"pose {i_pose} is marked complete without read-backs")
-
-
-def _frame_problems(session: Session) -> Iterator[Problem]:
-    pose_digests, frame_digests, ok = session.pose_digests, session.frame_digests, session.frame_ok
-    for i_pose in np.flatnonzero(session.pose_complete).tolist():
-        if chain_digest(frame_digests[i_pose]) != pose_digests[i_pose]:
-            yield Problem(layout.FRAME_DIGEST.path, f"pose {i_pose}: the digests were changed")
-        for i_exposure, expected in enumerate(frame_digests[i_pose]):
-            if ok[i_pose, i_exposure]:
-                yield from _one_frame(session, i_pose, i_exposure, expected)
-
-
-def _one_frame(session: Session, i_pose: int, i_exposure: int, expected: str) -> Iterator[Problem]:
-    where = f"pose {i_pose}, exposure {i_exposure} ({session.exposure_times[i_exposure]:g} s)"
-    try:
-        found = frame_digest(session.frame(i_pose, i_exposure))
-    except InvalidInputError as error:
-        yield Problem(layout.IMAGES.path, f"{where} cannot be read: {error.problems[0].what}")
-        return
-    if found != expected:
-        yield Problem(layout.IMAGES.path, f"{where} differs from what was recorded: {found} is not {expected}")

@@ -312,9 +312,9 @@ def test_a_stack_is_not_taken_for_a_result(reconstruction: Reconstruction, tmp_p
 
 
 def test_a_missing_or_foreign_file_is_told(tmp_path: Path):
-    assert refusal(tmp_path / "nowhere.result.h5").problems[0].what == "no such file"
+    assert refusal(tmp_path / "nowhere.result.h5").problems[0].what == "there is no such file"
     (tmp_path / "notes.result.h5").write_text("not HDF5")
-    assert "not a result file, or damaged" in refusal(tmp_path / "notes.result.h5").problems[0].what
+    assert "this is not an HDF5 file" in refusal(tmp_path / "notes.result.h5").problems[0].what
 
 
 def test_everything_that_is_missing_is_told_at_once(path: Path):

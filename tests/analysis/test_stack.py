@@ -205,7 +205,11 @@ MALFORMED = {
         f"{GEOMETRY}/light_position",
         "not finite in views [3]",
     ),
-    "cameras of text": (put(f"{GEOMETRY}/camera_position", np.full((5, 3), b"far")), "", "damaged"),
+    "cameras of text": (
+        put(f"{GEOMETRY}/camera_position", np.full((5, 3), b"far")),
+        f"{GEOMETRY}/camera_position",
+        "has type |S3; must be numbers",
+    ),
     "a pitch of two": (
         put(f"{GEOMETRY}/pixel_pitch", np.array([0.4, 0.5])),
         f"{GEOMETRY}/pixel_pitch",
@@ -274,13 +278,13 @@ def test_data_in_another_file_are_not_read(path: Path, tmp_path: Path, name: str
 
 def test_a_missing_file_is_named(tmp_path: Path):
     error = refusal(tmp_path / "nowhere.stack.h5")
-    assert error.problems[0].what == "no such file"
+    assert error.problems[0].what == "there is no such file"
 
 
 def test_a_file_of_another_kind_is_told(tmp_path: Path):
     other = tmp_path / "notes.stack.h5"
     other.write_text("not HDF5")
-    assert "not an HDF5 file, or damaged" in refusal(other).problems[0].what
+    assert "this is not an HDF5 file" in refusal(other).problems[0].what
 
 
 def test_an_empty_hdf5_file_lacks_its_radiance(tmp_path: Path):

@@ -87,7 +87,7 @@ def test_the_report_is_one_page_that_needs_nothing_beside_it(folder: Path) -> No
         (("render", "R", "--camera", "0,0,-5", "--light", "0,0,9", "-o", "x.npy"), "with Z above the sample"),
         (("render", "R", "--camera", "0,0,5", "--light", "0,0,9", "-o", "x.bmp"), "pictures are written as .exr"),
         (("reconstruct", "nowhere.stack.h5", "-o", "x.h5"), "no such file"),
-        (("report", "S", "-o", "x.html"), "/entry/result/normals: missing"),
+        (("report", "S", "-o", "x.html"), "/entry/result/normals: is missing"),
         (("reconstruct", "S", "-o", "no/folder/x.h5"), "is no folder"),
         (("reconstruct", "S", "-o", "R"), "exists and is not overwritten"),
     ],
@@ -115,7 +115,7 @@ def test_a_stack_that_was_cut_short_is_refused(
     whole = (folder / "area.stack.h5").read_bytes()
     (tmp_path / "cut.stack.h5").write_bytes(whole[: len(whole) // 2])
     assert run("reconstruct", tmp_path / "cut.stack.h5", "-o", tmp_path / "r.h5", "-q") == 2
-    assert "not an HDF5 file, or damaged" in capsys.readouterr().err
+    assert "the file is damaged or cut short" in capsys.readouterr().err
     assert not (tmp_path / "r.h5").exists()
 
 

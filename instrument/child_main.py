@@ -1,0 +1,39 @@
+"""What a child process does for `child.in_child`: a task by name, with limits on memory and time."""
+
+from __future__ import annotations
+
+import json
+import resource
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from instrument.examination import examine
+from instrument.look import look
+from instrument.summary import summaries
+
+MEMORY_BYTES = 4 * 2**30
+"""Address space of the child: four times the largest chunk that is read."""
+
+TASKS: dict[str, Callable[..., Iterator[dict[str, Any]]]] = {"look": look, "summaries": summaries, "examine": examine}
+
+
+def main(step_seconds: str, task: str, *arguments: str) -> None:
+    """Print what the task yields, a line of JSON each; no step may compute longer than `step_seconds`."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+    # A crash is expected and no developer is to look into it.
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    _start_step(float(step_seconds))
+    for line in TASKS[task](*arguments):
+        print(json.dumps(line), flush=True)  # noqa: T201 - this is how the parent is told
+        _start_step(float(step_seconds))
+
+
+def _start_step(seconds: float) -> None:
+    # Its signal ends the process, also in the middle of HDF5, where no exception would be raised.
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
