@@ -92,8 +92,8 @@ def take_bracket(rig: Rig, bracket: Bracket) -> list[Shot]:
     """
     with light_on(rig.light, rig.config.light.level, lease_seconds(bracket.times)):
         shots = _take_shots(rig, bracket)
-    check_order(shots)
-    check_lit_and_dark_again(rig, shots, bracket)
+    _check_order([shot.frame.sequence_number for shot in shots])
+    _check_lit_and_dark_again(rig, shots, bracket)
     return sorted(shots, key=lambda shot: shot.i_exposure)
 
 
@@ -125,12 +125,15 @@ def take_darks(
     camera = rig.camera.describe()
     shape = camera.height, camera.width
     total, squares = np.zeros(shape, np.uint64), np.zeros(shape, np.uint64)
+    numbers = []
     for _ in range(count):
         frame = _expose(rig.camera, exposure_time)
+        numbers.append(frame.sequence_number)
         counts = frame.counts.astype(np.uint64)
         # Sums of whole numbers are exact; the stack of frames need not be kept.
         total += counts
         squares += counts * counts
+    _check_order(numbers)
     mean = total / count
     variance = np.maximum(squares - total * mean, 0.0) / (count - 1)
     _check_darks(mean, camera, exposure_time)
@@ -150,7 +153,7 @@ def take_flats(rig: Rig, exposure_time: float, count: int) -> NDArray[np.uint16]
     times = (exposure_time,) * count
     with light_on(rig.light, rig.config.light.level, lease_seconds(times)):
         shots = [take_shot(rig.camera, rig.light, 0, exposure_time) for _ in times]
-    check_order(shots)
+    _check_order([shot.frame.sequence_number for shot in shots])
     if clips(shots[0].frame, rig.camera.describe()):
         raise UnsafeError(f"the flat frames of {exposure_time:g} s clip. Choose a shorter flats.exposure_time_s")
     return np.stack([shot.frame.counts for shot in shots])
@@ -221,15 +224,13 @@ def lease_seconds(exposure_times: tuple[float, ...]) -> float:
     return sum(exposure_times) + LEASE_MARGIN * len(exposure_times)
 
 
-def check_order(shots: list[Shot]) -> None:
-    """Raise `DeviceError` unless the frames follow one another without a gap."""
-    first = shots[0].frame.sequence_number
-    numbers = [shot.frame.sequence_number for shot in shots]
-    if numbers != list(range(first, first + len(shots))):
+def _check_order(numbers: list[int]) -> None:
+    """Raise `DeviceError` unless frames of these numbers follow one another without a gap."""
+    if numbers != list(range(numbers[0], numbers[0] + len(numbers))):
         raise DeviceError(f"a frame was lost or came twice: the camera numbers them {numbers}")
 
 
-def check_lit_and_dark_again(rig: Rig, shots: list[Shot], bracket: Bracket) -> None:
+def _check_lit_and_dark_again(rig: Rig, shots: list[Shot], bracket: Bracket) -> None:
     """Take one more frame, and make sure by the pictures that the light shone and that it went out.
 
     A light's own word is not enough: a relay can stick, an LED can be dead behind a driver that works. The frame
@@ -295,11 +296,11 @@ def _expose(camera: Camera, exposure_time: float) -> Frame:
     _check_close("the camera's exposure time", readback, exposure_time, SETTING_TOLERANCE)
     frame = camera.trigger()
     _check_close("the frame's exposure time", frame.exposure_time, readback, FRAME_TOLERANCE)
-    check_frame(frame, camera.describe())
+    _check_frame(frame, camera.describe())
     return frame
 
 
-def check_frame(frame: Frame, camera: CameraDescription) -> None:
+def _check_frame(frame: Frame, camera: CameraDescription) -> None:
     """Raise `DeviceError` unless the frame has the shape and type that the camera describes."""
     expected = (camera.height, camera.width)
     if frame.counts.shape != expected or frame.counts.dtype != np.uint16:

@@ -86,4 +86,7 @@ def test_every_fault_at_every_call_is_survived(
 ) -> None:
     for number in range(n_calls[device, call]):
         for effect in effects(device, call):
+            # A call that hangs takes its time each time; every fourth is tried.
+            if effect == "hang" and number % 4:
+                continue
             survives(tmp_path / f"{number} {effect}.h5", Fault(device, effect, call, number), whole)
