@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,9 @@ SETTING_TOLERANCE = 0.02
 FRAME_TOLERANCE = 1e-3
 # Seconds of lease a frame may take besides its exposure: readout, transfer, a busy computer.
 LEASE_MARGIN = 2.0
+# Counts above darkness, as a mean, that a frame must be expected to have to be held against another one: darkness is
+# known to about a count.
+_TELLING_COUNTS = 4.0
 # A frame of which more than this share is clipped counts as clipped: a few glints are no fault of the bracket.
 CLIPPED_SHARE = 1e-2
 
@@ -93,8 +97,11 @@ def take_bracket(rig: Rig, bracket: Bracket) -> list[Shot]:
     with light_on(rig.light, rig.config.light.level, lease_seconds(bracket.times)):
         shots = _take_shots(rig, bracket)
     _check_order([shot.frame.sequence_number for shot in shots])
+    shots.sort(key=lambda shot: shot.i_exposure)
+    for shorter, longer in pairwise(shots):
+        _check_growth(shorter, longer, bracket, rig.camera.describe().saturation_level)
     _check_lit_and_dark_again(rig, shots, bracket)
-    return sorted(shots, key=lambda shot: shot.i_exposure)
+    return shots
 
 
 def clips(frame: Frame, camera: CameraDescription) -> bool:
@@ -228,6 +235,25 @@ def _check_order(numbers: list[int]) -> None:
     """Raise `DeviceError` unless frames of these numbers follow one another without a gap."""
     if numbers != list(range(numbers[0], numbers[0] + len(numbers))):
         raise DeviceError(f"a frame was lost or came twice: the camera numbers them {numbers}")
+
+
+def _check_growth(shorter: Shot, longer: Shot, bracket: Bracket, saturation_level: float) -> None:
+    """Raise `DeviceError` unless two frames show the same light, as much of it as their exposure times tell.
+
+    A frame that was left over from before may have the right number and the right exposure time.
+    """
+    short, long = _sample(shorter.frame), _sample(longer.frame)
+    fits = long < 0.9 * saturation_level
+    if not fits.any():
+        return
+    seen = float(short[fits].mean()) - bracket.darkness[shorter.i_exposure]
+    expected = float(long[fits].mean()) - bracket.darkness[longer.i_exposure]
+    expected *= shorter.frame.exposure_time / longer.frame.exposure_time
+    if max(seen, expected) > _TELLING_COUNTS and not 0.5 * expected < seen < 2.0 * expected:
+        raise DeviceError(
+            f"the frame of {shorter.frame.exposure_time:g} s has a mean of {seen:.1f} counts above darkness where that "
+            f"of {longer.frame.exposure_time:g} s tells {expected:.1f}: a frame from before, or a light that flickers"
+        )
 
 
 def _check_lit_and_dark_again(rig: Rig, shots: list[Shot], bracket: Bracket) -> None:

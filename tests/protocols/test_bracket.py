@@ -56,6 +56,19 @@ def test_a_wrong_frame_is_refused_with_the_light_off(
     assert not bench.lit
 
 
+def test_a_dark_frame_from_before_in_place_of_a_lit_one_is_found(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    trigger = FakeCamera.trigger
+
+    def stale(camera: FakeCamera) -> Frame:
+        frame = trigger(camera)
+        # The number and the exposure time are right, as those of a buffer that is used again.
+        return replace(frame, counts=np.full((16, 24), 64, np.uint16)) if camera.exposure_time == 0.01 else frame
+
+    monkeypatch.setattr(FakeCamera, "trigger", stale)
+    with pytest.raises(DeviceError, match=r"frame of 0.01 s has a mean of 0.0 counts .* where that of 0.1 s tells"):
+        take_pose(rig, TARGET, BRACKET, 1)
+
+
 def test_an_exposure_time_that_did_not_take_is_refused(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FakeCamera, "set_exposure_time", lambda *_: 0.02)
     with pytest.raises(DeviceError, match=r"camera's exposure time is 0.02 s and should be 0.01 s"):
