@@ -101,6 +101,8 @@ class _Supervisor:
         return {"value": None if value is None else asdict(value)}
 
     def _on(self, level: float, max_seconds: float) -> Any:
+        # A command that failed may have been obeyed: the lease is over unless it is known to have begun.
+        self._lease_end = time.monotonic()
         state = self._light.on(level, max_seconds)
         self._lease_end = time.monotonic() + max_seconds
         return state

@@ -1,6 +1,8 @@
 """A LED controller on a USB bus that fails in every way that a bus does."""
 
 import errno
+import sys
+import time
 from contextlib import suppress
 
 import pytest
@@ -10,6 +12,7 @@ from drivers.scpi_light.light import ScpiLight
 from drivers.scpi_light.settings import ScpiLightSettings
 from drivers.scpi_light.usb_errors import UDEV_RULES
 from drivers.simulated.clock import VirtualClock
+from drivers.supervised_light import SupervisedLight
 from drivers.tables import settings_from_table
 from tests.drivers.dc2200_double import Dc2200Double
 from tests.drivers.test_supervised_light import ROOT
@@ -294,6 +297,28 @@ def _session(failures: dict[int, int]) -> UsbTmcDevice:
 def _disconnect(light: ScpiLight) -> None:
     with suppress(DeviceError):
         light.disconnect()
+
+
+def supervised(*flags: str) -> SupervisedLight:
+    return SupervisedLight([sys.executable, "-m", "tests.drivers.supervised_scpi_light", *flags])
+
+
+def test_it_works_under_a_supervisor_too() -> None:
+    light = supervised()
+    light.connect()
+    assert light.describe().model == "DC2200"
+    assert light.on(0.5, 0.2).level == pytest.approx(0.5)
+    time.sleep(0.3)
+    assert not light.read().lit
+    light.disconnect()
+
+
+def test_what_it_says_of_its_protection_comes_through_the_supervisor() -> None:
+    light = supervised("interlock_open")
+    light.connect()
+    with pytest.raises(UnsafeError, match=r"its interlock is open\. Close it"):
+        light.on(0.5, 1.0)
+    light.disconnect()
 
 
 @pytest.mark.parametrize(
