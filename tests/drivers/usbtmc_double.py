@@ -76,7 +76,8 @@ class UsbTmcDevice:
             self._received += transfer[12 : 12 + size]
             if attributes & 1:
                 message, self._received = self._received, b""
-                self._answer = self.instrument.receive(message) or b""
+                # What nobody has read yet stays before it in the queue: a client that lost step gets the wrong answer.
+                self._answer += self.instrument.receive(message) or b""
         elif kind == 2 and len(transfer) == 12:
             self._request = (tag, size)
         else:
