@@ -43,6 +43,10 @@ class Setting:
     unit: str
     tolerance: float
 
+    def agree(self, held: float, value: float) -> bool:
+        """Tell whether a value that is read back is the one that was set."""
+        return math.isclose(held, value, rel_tol=0.0, abs_tol=self.tolerance)
+
 
 class ScpiDialogue:
     """Speaks SCPI over any transport of whole messages.
@@ -93,13 +97,21 @@ class ScpiDialogue:
         self.command(f"{setting.header} {value:.9g}")
         self.check_errors(f"{setting.name} = {value:g} {setting.unit}")
         held = self.number(f"{setting.header}?")
-        if not math.isclose(held, value, rel_tol=0.0, abs_tol=setting.tolerance):
+        if not setting.agree(held, value):
             raise DeviceError(
                 f"{setting.name} was set to {value:g} {setting.unit} and is read back as {held:g} {setting.unit}; "
                 f"allowed is a difference of {setting.tolerance:g} {setting.unit}. "
                 "Look at the limits on the device's own panel"
             )
         return held
+
+    def ensure(self, setting: Setting, value: float) -> None:
+        """Set a number as `set_verified` does, unless the device holds it already.
+
+        For what a device may keep in a memory that wears out.
+        """
+        if not setting.agree(self.number(f"{setting.header}?"), value):
+            self.set_verified(setting, value)
 
     def check_errors(self, after: str) -> None:
         """Empty the device's queue of errors.

@@ -71,8 +71,8 @@ class ScpiLight:
         try:
             self._description = self._identified()
             self._start_dark()
-            self._dialogue.set_verified(TERMINAL, self._settings.terminal)
-            self._dialogue.set_verified(CURRENT_LIMIT, self._settings.max_current)
+            self._dialogue.ensure(TERMINAL, self._settings.terminal)
+            self._dialogue.ensure(CURRENT_LIMIT, self._settings.max_current)
         except BaseException:
             self._forget()
             raise
@@ -155,7 +155,7 @@ class ScpiLight:
         self._dialogue.command("SOURCE1:MODE PULS")
         self._dialogue.check_errors("its pulse mode")
         # Somebody may have changed it on the controller's own panel.
-        self._dialogue.set_verified(CURRENT_LIMIT, self._settings.max_current)
+        self._dialogue.ensure(CURRENT_LIMIT, self._settings.max_current)
         self._dialogue.set_verified(BRIGHTNESS, 100.0 * level)
         self._dialogue.set_verified(ON_TIME, max_seconds / n_pulses)
         self._dialogue.set_verified(OFF_TIME, SHORTEST_PAUSE)

@@ -53,6 +53,7 @@ class Dc2200Double:
         self.stuck: set[str] = set()
         self.sticks_on = False
         self.n_switched_on = 0
+        self.n_limits_set = 0
         self._lit_since: float | None = 0.0
 
     @property
@@ -108,4 +109,5 @@ class Dc2200Double:
             self.errors.append('-222,"Data out of range"')
         elif name not in self.stuck:
             setattr(self, name, value)
+            self.n_limits_set += name == "limit"
         return None

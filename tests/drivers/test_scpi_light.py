@@ -6,8 +6,16 @@ import time
 from contextlib import suppress
 
 import pytest
+import usb.core
 
-from drivers.errors import DeviceError, DeviceLimitError, DeviceLostError, DeviceTimeoutError, UnsafeError
+from drivers.errors import (
+    DeviceError,
+    DeviceLimitError,
+    DeviceLostError,
+    DeviceTimeoutError,
+    DriverNotFoundError,
+    UnsafeError,
+)
 from drivers.scpi_light.light import ScpiLight
 from drivers.scpi_light.settings import ScpiLightSettings
 from drivers.scpi_light.usb_errors import UDEV_RULES
@@ -68,6 +76,14 @@ def test_a_current_limit_that_was_raised_on_the_panel_is_lowered_before_it_shine
     controller.limit = 4.0
     light.on(1.0, 1.0)
     assert controller.limit == 1.0
+
+
+def test_a_current_limit_that_holds_is_not_written_again(light: ScpiLight, controller: Dc2200Double) -> None:
+    controller.limit = 3.5
+    light.connect()
+    for _ in range(5):
+        light.on(0.5, 1.0)
+    assert controller.n_limits_set == 1
 
 
 def test_a_current_that_the_controller_refuses_is_said_with_its_reason(device: UsbTmcDevice) -> None:
@@ -175,6 +191,27 @@ def test_of_two_controllers_the_serial_number_chooses() -> None:
     assert (first.n_open, second.n_open) == (0, 1)
 
 
+def test_a_missing_libusb_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def find(**_: object) -> None:
+        raise usb.core.NoBackendError("No backend available")
+
+    monkeypatch.setattr(usb.core, "find", find)
+    with pytest.raises(DriverNotFoundError, match=r"apt install libusb-1\.0-0"):
+        ScpiLight(SETTINGS).connect()
+
+
+def test_a_missing_pyusb_says_which_extra_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "usb.core", None)
+    with pytest.raises(DriverNotFoundError, match=r"needs pyusb\. Install halfangle\[usb\]"):
+        ScpiLight(SETTINGS).connect()
+
+
+def test_a_failure_without_a_name_is_passed_on_in_the_systems_words(device: UsbTmcDevice, light: ScpiLight) -> None:
+    device.open_error = errno.ENOMEM
+    with pytest.raises(DeviceError, match=r"the USB device 1313:80c8 failed: .*ENOMEM"):
+        light.connect()
+
+
 def test_a_missing_permission_names_the_udev_rule(device: UsbTmcDevice, light: ScpiLight) -> None:
     device.open_error = errno.EACCES
     with pytest.raises(DeviceError, match=r"no permission .*60-halfangle\.rules to /etc/udev/rules\.d"):
@@ -227,6 +264,26 @@ def test_an_answer_that_does_not_come_is_a_timeout_and_the_next_one_is_right(
         light.read()
     device.mute = False
     assert light.on(0.25, 1.0).level == pytest.approx(0.25)
+
+
+def test_an_answer_that_the_controller_cannot_take_back_is_read_and_dropped(
+    device: UsbTmcDevice, light: ScpiLight
+) -> None:
+    light.connect()
+    device.mute = device.holds_answers = True
+    with pytest.raises(DeviceTimeoutError):
+        light.read()
+    device.mute = False
+    assert light.describe().model == "DC2200"
+    assert light.on(0.25, 1.0).level == pytest.approx(0.25)
+
+
+def test_a_controller_that_does_not_clear_is_a_timeout(device: UsbTmcDevice) -> None:
+    device.pending_clears = 1_000_000
+    light = ScpiLight(ScpiLightSettings(max_current=1.0, answer_time=0.05), UsbBus(device))
+    with pytest.raises(DeviceTimeoutError, match=r"does not clear\. Switch it off and on"):
+        light.connect()
+    assert device.n_open == 0
 
 
 def test_an_answer_to_another_question_is_no_answer(device: UsbTmcDevice, light: ScpiLight) -> None:

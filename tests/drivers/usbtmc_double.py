@@ -53,9 +53,12 @@ class UsbTmcDevice:
         self.tag_offset = 0
         self._received = b""
         self._answer = b""
+        self._clearing = False
         self._request: tuple[int, int] | None = None
         # How often a clear is reported to be under way before it is done.
         self.pending_clears = 1
+        # Whether a clear leaves it with an answer that it cannot take back, which the host has to read.
+        self.holds_answers = False
         self._pending = 0
 
     def begin_transfer(self) -> None:
@@ -84,6 +87,9 @@ class UsbTmcDevice:
             raise failure(errno.EPIPE)
 
     def give(self) -> bytes:
+        if self._clearing and self._answer:
+            left_over, self._answer = self._answer, b""
+            return left_over
         if self._request is None or not self._answer or self.mute:
             raise failure(errno.ETIMEDOUT)
         (tag, size), self._request = self._request, None
@@ -98,12 +104,17 @@ class UsbTmcDevice:
         if (request_type, request) == (0xA1, GET_CAPABILITIES):
             return bytes([SUCCESS, 0, 0x00, 0x01, 0, 0, *[0] * 6, 0x00, 0x01, 0x04, 0x08, *[0] * 8])
         if (request_type, request) == (0xA1, INITIATE_CLEAR):
-            self._received, self._answer, self._request = b"", b"", None
+            self._received, self._request = b"", None
+            self._answer = self._answer if self.holds_answers else b""
+            self._clearing = True
             self._pending = self.pending_clears
             return bytes([SUCCESS])
         if (request_type, request) == (0xA1, CHECK_CLEAR_STATUS):
             self._pending -= 1
-            return bytes([PENDING if self._pending >= 0 else SUCCESS, 0])
+            if self._pending >= 0 or self._answer:
+                return bytes([PENDING, bool(self._answer)])
+            self._clearing = False
+            return bytes([SUCCESS, 0])
         if request_type == 0xA2 and request in (INITIATE_ABORT_BULK_IN, CHECK_ABORT_BULK_IN_STATUS):
             return bytes([NOT_IN_PROGRESS, 0])
         raise failure(errno.EPIPE)
