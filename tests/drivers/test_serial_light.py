@@ -249,6 +249,25 @@ def test_the_light_goes_off_within_a_second_of_the_death_of_its_parent(double: S
     wait_until(lambda: not double.lit, seconds=1.0)
 
 
+def test_a_missing_port_is_said_once_through_the_supervisor_too(capfd: pytest.CaptureFixture[str]) -> None:
+    light = SupervisedLight([sys.executable, "-m", "tests.drivers.supervised_serial_light", "/dev/no-such-port"])
+    with pytest.raises(DeviceError, match=r"/dev/no-such-port.* no such port"):
+        light.connect()
+    assert capfd.readouterr().err == ""
+
+
+def test_a_light_that_is_lost_under_its_supervisor_ends_without_a_traceback(
+    double: SerialLightDouble, capfd: pytest.CaptureFixture[str]
+) -> None:
+    light = SupervisedLight([sys.executable, "-m", "tests.drivers.supervised_serial_light", double.port])
+    light.connect()
+    double.unplug()
+    with pytest.raises(DeviceLostError):
+        light.on(1.0, 5.0)
+    light.disconnect()
+    assert capfd.readouterr().err == ""
+
+
 def test_a_light_that_may_have_come_on_without_saying_so_goes_off_by_itself(double: SerialLightDouble) -> None:
     light = SupervisedLight([sys.executable, "-m", "tests.drivers.supervised_serial_light", double.port])
     light.connect()
