@@ -7,8 +7,9 @@ import time
 from drivers.errors import DeviceError, DeviceTimeoutError
 from drivers.serial_port import SerialPort
 
-# Seconds without a byte after which a device that was out of step has said all that it had to say.
-_QUIET_TIME = 0.1
+QUIET_TIME = 0.1
+"""Seconds without a byte after which a device that was out of step has said all that it had to say: the port's poll."""
+
 _LONGEST_LINE = 1024
 
 
@@ -18,6 +19,7 @@ class LineDialogue:
     Parameters
     ----------
     port : SerialPort
+        Open, with a poll of `QUIET_TIME`.
     answer_time : float
         Seconds that the device has for an answer.
     """
@@ -49,7 +51,7 @@ class LineDialogue:
     def _hear_out(self) -> None:
         """Drop what was said unasked; after a failure also what is still under way."""
         deadline = time.monotonic() + self._answer_time
-        while self._port.read(0.0 if self._in_step else _QUIET_TIME):
+        while self._port.read(wait=not self._in_step):
             if time.monotonic() > deadline:
                 raise DeviceError(f"{self._port.name} talks without an end. Look at the baud rate and at what is there")
 
@@ -57,11 +59,9 @@ class LineDialogue:
         deadline = time.monotonic() + self._answer_time
         received = b""
         while not received.endswith(b"\n"):
-            remaining = deadline - time.monotonic()
-            part = self._port.read(remaining) if remaining > 0.0 else b""
-            if not part:
+            if time.monotonic() > deadline:
                 raise DeviceTimeoutError(self._silence(question, received))
-            received += part
+            received += self._port.read()
             if len(received) > _LONGEST_LINE:
                 raise DeviceError(f"{self._port.name} answers {question!r} with a line that does not end")
         return received.decode("ascii", errors="replace").strip()

@@ -13,7 +13,7 @@ from contextlib import suppress
 from drivers.errors import DeviceError, DeviceLostError, UnsafeError
 from drivers.lease import LEVEL_LIMITS, check_lease, check_level
 from drivers.light import LightDescription, LightState
-from drivers.serial_light.dialogue import LineDialogue
+from drivers.serial_light.dialogue import QUIET_TIME, LineDialogue
 from drivers.serial_light.settings import SerialLightSettings
 from drivers.serial_port import SerialPort, usb_serial_number
 
@@ -44,7 +44,7 @@ class SerialLight:
         """
         if self._description is not None and self._port is not None:
             return
-        self._port = SerialPort(self._settings.port, self._settings.baud_rate)
+        self._port = SerialPort(self._settings.port, self._settings.baud_rate, QUIET_TIME)
         self._dialogue = LineDialogue(self._port, self._settings.answer_time)
         try:
             time.sleep(self._settings.boot_time)

@@ -14,6 +14,8 @@ LEASE = Limits(0.001, 86_400.0, "s")
 BAUD_RATE = Limits(300.0, 4_000_000.0, "baud")
 BOOT_TIME = Limits(0.0, 30.0, "s")
 
+_COMMANDS = ("identify_command", "level_command", "on_command", "off_command", "state_command")
+
 
 @dataclass(frozen=True, slots=True)
 class SerialLightSettings:
@@ -71,7 +73,7 @@ class SerialLightSettings:
         LEASE.check("longest_lease", self.longest_lease, "Take what one bracket needs.")
         BAUD_RATE.check("baud_rate", self.baud_rate, "Take it from the driver's manual.")
         BOOT_TIME.check("boot_time", self.boot_time, "2 s are enough for an Arduino.")
-        problems = [*self._empty(), *self._level_problems(), *self._state_problems()]
+        problems = [*self._empty(), *self._unspeakable(), *self._level_problems(), *self._state_problems()]
         if problems:
             raise ValueError("; ".join(problems))
 
@@ -82,6 +84,14 @@ class SerialLightSettings:
     def _empty(self) -> list[str]:
         # An empty identity is contained in every answer: any device would do.
         return [f"{name} is empty" for name in ("port", "identity") if not getattr(self, name)]
+
+    def _unspeakable(self) -> list[str]:
+        words = {name: getattr(self, name) for name in _COMMANDS}
+        return [
+            f"{name} is {word!r}; allowed are printable ASCII characters, one at least"
+            for name, word in words.items()
+            if not (word and word.isascii() and word.isprintable())
+        ]
 
     def _level_problems(self) -> list[str]:
         if not (self.full_level > 0.0 and self.level_tolerance >= 0.0):

@@ -74,7 +74,7 @@ def test_a_port_that_is_not_there_is_named() -> None:
 
 
 def test_a_port_that_another_program_holds_is_busy(double: SerialLightDouble, light: SerialLight) -> None:
-    other = SerialPort(double.port, 115200)
+    other = SerialPort(double.port, 115200, 0.1)
     with pytest.raises(DeviceError, match="Another program uses the port"):
         light.connect()
     other.close()
@@ -313,6 +313,7 @@ def _session(silent: int) -> list[str]:
         ({"port": 3, "identity": "x"}, r"port is 3; expected was a value of type str"),
         ({"port": "p", "identity": ""}, r"identity is empty"),
         ({"port": "p", "identity": "x", "level_command": "L{}"}, r"level_command is 'L\{\}', which is no format"),
+        ({"port": "p", "identity": "x", "on_command": "an\n"}, r"on_command is 'an\\n'; allowed are printable ASCII"),
         ({"port": "p", "identity": "x", "level_command": "L"}, r"it says \{level\} nowhere"),
         ({"port": "p", "identity": "x", "state": "("}, r"state is '\(', which is no regular expression"),
         ({"port": "p", "identity": "x", "state": "(?P<lit>1)"}, r"it has no group 'level'"),
