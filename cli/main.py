@@ -61,6 +61,7 @@ def halfangle() -> None:
 
 def main(arguments: list[str] | None = None) -> Any:
     """Run `halfangle`; exit 2 on bad input, 1 on a failure that is understood, both without a traceback."""
+    n_abandoned = _n_abandoned()
     try:
         return halfangle(args=arguments, prog_name="halfangle")
     except InvalidInputError as error:
@@ -68,14 +69,18 @@ def main(arguments: list[str] | None = None) -> Any:
         sys.exit(2)
     except (DeviceError, CancelledError, OSError) as error:
         click.echo(f"halfangle: {printable(str(error), keep=LINE_BREAK)}", err=True)
-        _leave(1)
+        _leave(1, n_abandoned)
 
 
-def _leave(code: int) -> None:
-    """End the program; at once where HDF5 would crash on a file that it could not write."""
+def _n_abandoned() -> int:
     # Only a command that recorded has imported it.
     recorder = sys.modules.get("instrument.recorder")
-    if recorder is not None and recorder.any_abandoned():
+    return 0 if recorder is None else int(recorder.n_abandoned())
+
+
+def _leave(code: int, n_abandoned_before: int) -> None:
+    """End the program; at once where HDF5 would crash on a file that the command could not write."""
+    if _n_abandoned() > n_abandoned_before:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)

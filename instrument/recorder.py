@@ -30,9 +30,9 @@ from instrument.session_file import HDF5_FORMAT, check_space, release, reserve, 
 _ABANDONED: list[h5py.File] = []
 
 
-def any_abandoned() -> bool:
-    """Return whether a file of this process was abandoned after a failed write: HDF5 may crash at its regular end."""
-    return bool(_ABANDONED)
+def n_abandoned() -> int:
+    """Return how many files of this process were abandoned after a failed write: HDF5 may crash at its regular end."""
+    return len(_ABANDONED)
 
 
 # Room for HDF5's own bookkeeping and some lines of the journal, besides the pictures that are written at a time.

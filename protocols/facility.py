@@ -15,7 +15,8 @@ import numpy as np
 
 from drivers.stage import AxisDescription
 from instrument.rig import Rig
-from protocols.bracket import Bracket, Shot, take_bracket
+from protocols.bracket import Bracket, take_bracket
+from protocols.shot import Shot
 
 Reading = dict[str, dict[str, Any]]
 

@@ -20,8 +20,8 @@ from drivers.camera import CameraDescription
 from drivers.errors import UnsafeError
 from instrument.protocol_config import AutoConfig
 from instrument.rig import Rig
-from protocols.bracket import lease_seconds, light_on, move_verified, take_shot
 from protocols.plan import Plan
+from protocols.shot import lease_seconds, light_on, move_verified, take_shot
 
 # Poses at which scout frames are taken at most: highlights come and go with the pose.
 N_SCOUTS = 8

@@ -12,7 +12,8 @@ from drivers.camera import CameraDescription
 from drivers.errors import UnsafeError
 from instrument.rig import Rig
 from instrument.session import Session
-from protocols.bracket import CLIPPED_SHARE, lease_seconds, light_on, move_verified, take_shot
+from protocols.picture_checks import CLIPPED_SHARE
+from protocols.shot import lease_seconds, light_on, move_verified, take_shot
 
 # Both in standard deviations and shares: noise alone takes 6e-5 of the pixels beyond four sigmas.
 _SIGMAS, _LARGEST_SHARE = 4.0, 0.02

@@ -17,13 +17,16 @@ from instrument.layout import Status
 from instrument.pose_record import PoseRecord
 from instrument.recorder import Recorder
 from instrument.rig import Rig
-from protocols.bracket import CLIPPED_SHARE, Bracket, move_verified, take_darks, take_flats, take_pose
+from protocols.bracket import Bracket, take_pose
 from protocols.control import Control
+from protocols.darks_and_flats import take_darks, take_flats
 from protocols.moved import Landmark, check_not_moved, light_changed
+from protocols.picture_checks import CLIPPED_SHARE
 from protocols.plan import Plan
 from protocols.progress import Finish, Outcome, Progress, State, Watcher, tell
 from protocols.recovery import Recovery
 from protocols.reference import ReferencePatch
+from protocols.shot import move_verified
 from protocols.warm_up import warm_up
 from protocols.writer import PoseWriter
 

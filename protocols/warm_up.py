@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.errors import DeviceError
 from instrument.rig import Rig
-from protocols.bracket import light_on
+from protocols.shot import light_on
 
 SAMPLE_SECONDS = 2.0
 """Seconds from one reading of the light's monitor to the next."""

@@ -11,6 +11,7 @@ from instrument.session import Session
 from instrument.validation import InvalidInputError
 from instrument.verify import verify_session
 from protocols.engine import CaptureFaultError, Finish, Outcome, Progress, State, capture, resume
+from tests.campaigns.small_rig import content
 from tests.protocols.fakes import FakeBench, Script, fault_at, no_fault, protocol_config, rig_config
 
 
@@ -20,22 +21,6 @@ def run(path: Path, script: Script = no_fault) -> tuple[FakeBench, Outcome | Non
         return bench, capture(rig_config(), protocol_config(), path, devices=bench.devices)
     except DeviceError:
         return bench, None
-
-
-def content(path: Path) -> dict[str, object]:
-    """What must not depend on when and how often a capture was interrupted."""
-    with Session(path) as session:
-        assert session.dark is not None
-        assert session.dark_variance is not None
-        return {
-            "frames": [session.frames(i).tobytes() for i in range(session.n_poses)],
-            "dark": session.dark.tobytes() + session.dark_variance.tobytes(),
-            "digest": session.digest(),
-            "axes": {name: values.tolist() for name, values in session.axis_values.items()},
-            "exposures": session.exposure_readback.tolist(),
-            "status": session.status,
-            "boards": session.boards,
-        }
 
 
 @pytest.fixture(scope="module")
