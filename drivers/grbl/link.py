@@ -27,7 +27,7 @@ _POLL = 0.02  # seconds that one look at the port takes at most
 _ANSWER_LIMIT = 2.0
 _LONGEST_LINE = 256  # bytes; what is longer has lost its end
 _MOST_READS = 100  # at once, of a port that babbles
-_QUIET = 0.05  # seconds after a banner in which its messages arrive
+_RESET_PERIOD = 1.0  # seconds; a board that the opening of its port restarts hears nothing for a second or two
 
 _BANNER = re.compile(r"Grbl(?:HAL)? (1\.1\w*) \[.*help\]")
 _ANY_BANNER = re.compile(r"Grbl(?:HAL)? .*\[.*help\]")
@@ -168,36 +168,34 @@ class GrblLink:
         """
         self.forget()
         self._offset = None
-        deadline, again = self._clock.now() + seconds, 0.0
-        for reply in self._lines(query=False):
+        began = self._clock.now()
+        self.send(RESET)
+        again = began + _RESET_PERIOD
+        for reply in self._lines():
             if _ANY_BANNER.fullmatch(reply):
                 return self._greeted(reply)
-            if (now := self._clock.now()) > deadline:
+            if (now := self._clock.now()) > began + seconds:
                 raise self._no_greeting(seconds)
             if now > again:
-                # A board that the opening of its port restarts hears nothing for a second or two.
                 self.send(RESET)
-                again = now + 1.0
+                again = now + _RESET_PERIOD
         raise AssertionError("unreachable: the port yields lines for ever")
 
     def _greeted(self, banner: str) -> None:
         match = _BANNER.fullmatch(banner)
         if match is None:
             raise DeviceError(f"{self._port.name}: {banner!r} is no GRBL 1.1. Install GRBL 1.1 on the controller")
-        self.version, quiet = match[1], self._clock.now() + _QUIET
-        for _ in self._lines(query=False):
-            if self._clock.now() > quiet:
-                break
+        self.version = match[1]
         self.ask("")
 
-    def _lines(self, *, query: bool = True) -> Iterator[str]:
+    def _lines(self) -> Iterator[str]:
         """Yield each line as it arrives, and an empty one whenever there is none; ask for a report now and then."""
         asked = self._clock.now()
         while True:
             if not self._arrived:
                 self._receive()
             yield self._arrived.popleft() if self._arrived else ""
-            if query and self._clock.now() - asked > _QUERY_PERIOD:
+            if self._clock.now() - asked > _QUERY_PERIOD:
                 self.send(QUERY)
                 asked = self._clock.now()
 

@@ -75,6 +75,7 @@ class GrblDouble:
     def __init__(self, pace: float = 50.0, homed: bool = True, settings: dict[int, float] | None = None) -> None:
         self.settings = {**_SETTINGS, **(settings or {})}
         self.machine = GrblMachine(self.settings)
+        self.machine.position = [-100.0, -100.0, 0.0]  # somewhere in its travel
         self.state = "Idle" if homed or not self.settings[22] else "Alarm"
         self.banner = "Grbl 1.1h ['$' for help]"
         self.build = ["[VER:1.1h.20190830:bench 7]", "[OPT:V,15,128]"]
@@ -85,11 +86,11 @@ class GrblDouble:
         self.delay = 0.0  # seconds before each answer
         self.holds_back = False  # the last line stays inside until the next byte comes
         self.spoiled: dict[str, bytes] = {}  # start of a line -> what is sent in its place, once
+        self.refused: dict[str, int] = {}  # start of a line -> error number that answers it
         # Faults of the machine.
         self.switch_is_missing = False
         self.loses_steps = 0.0  # units, at the end of each motion
-        self._pace = pace
-        self._paused = "Idle"  # the state to go back to after a hold
+        self.pace = pace
         self._blocked = ""  # "", "dwell", "home", "critical"
         self._until = 0.0
         self._modes = {"motion": "G0", "distance": "G90", "units": "G21"}
@@ -135,6 +136,11 @@ class GrblDouble:
         with self._guard:
             self._critical(1)
 
+    def jog(self, line: str) -> None:
+        """Jog from a pendant, as after ``$J=``."""
+        with self._guard:
+            self._execute_g_code(line, is_jog=True)
+
     def open_door(self) -> None:
         with self._guard:
             self.machine.cut()
@@ -158,7 +164,7 @@ class GrblDouble:
             ready, _, _ = select.select([self._master], [], [], _TICK)
             with self._guard:
                 now = time.monotonic()
-                self._pass_time((now - before) * self._pace)
+                self._pass_time((now - before) * self.pace)
                 before = now
                 if ready:
                     with suppress(OSError):
@@ -167,8 +173,9 @@ class GrblDouble:
 
     def _pass_time(self, seconds: float) -> None:
         self.machine.pass_time(seconds)
-        self._until -= seconds
         resting = not self.machine.queue
+        if self._blocked != "dwell" or resting:
+            self._until -= seconds
         if self.state == "Hold:1" and not self.machine.moving:
             self.state = "Hold:0"
         elif self.state in {"Run", "Jog"} and self.machine.braking and not self.machine.moving:
@@ -276,6 +283,9 @@ class GrblDouble:
         self._say("ok")
 
     def _execute(self, line: str) -> None:
+        for start, number in self.refused.items():
+            if line.startswith(start):
+                raise _AnsweredError(number)
         if len(line) >= _LINE_BUFFER:
             raise _AnsweredError(11)
         if line.startswith("$"):

@@ -19,6 +19,7 @@ class GrblMachine:
         self.queue: list[tuple[list[float], float]] = []  # (target, units per second)
         self.speed = 0.0
         self.braking = False
+        self._owed = 0.0  # seconds that are less than a step
 
     @property
     def moving(self) -> bool:
@@ -30,7 +31,8 @@ class GrblMachine:
         self.speed, self.braking = 0.0, False
 
     def pass_time(self, seconds: float) -> None:
-        for _ in range(max(1, round(seconds / _STEP))):
+        n_steps, self._owed = divmod(self._owed + seconds, _STEP)
+        for _ in range(int(n_steps)):
             if not self.queue or (self.braking and self.speed == 0.0):
                 return
             self._step(*self.queue[0])
