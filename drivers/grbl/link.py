@@ -68,15 +68,15 @@ class GrblLink:
         self._arrived.clear()
         self._garbage.clear()
 
-    def ask(self, line: str, seconds: float = _ANSWER_LIMIT, stopped: Event | None = None) -> list[str]:
+    def ask(self, line: str, seconds: float | None = None, stopped: Event | None = None) -> list[str]:
         """Send a line, wait for its ``ok``, return the lines that came before it.
 
         Parameters
         ----------
         line : str
             Without its end.
-        seconds : float
-            The limit; it stands still during a feed hold, which somebody is about to release.
+        seconds : float, optional
+            The limit, if not the usual one; it stands still during a feed hold, which somebody is about to release.
         stopped : threading.Event, optional
             Set by another thread to end the wait.
 
@@ -91,7 +91,8 @@ class GrblLink:
         self.forget()
         _raise_if_set(stopped)
         came: list[str] = []
-        self.in_step, deadline = False, self._clock.now() + seconds
+        limit = seconds or _ANSWER_LIMIT
+        self.in_step, deadline = False, self._clock.now() + limit
         self._port.write(line.encode("ascii") + b"\n")
         for reply in self._lines():
             if reply == "ok":
@@ -101,10 +102,10 @@ class GrblLink:
                 self._raise_if_bad(reply, line)
                 came.append(reply)
                 if reply.startswith("<Hold"):
-                    deadline = self._clock.now() + seconds
+                    deadline = self._clock.now() + limit
             _raise_if_set(stopped)
             if self._clock.now() > deadline:
-                raise self._silence(f"did not answer {line!r} within {seconds:g} s")
+                raise self._silence(f"did not answer {line!r} within {limit:g} s")
         raise AssertionError("unreachable: the port yields lines for ever")
 
     def report(self, seconds: float = _ANSWER_LIMIT) -> Report:

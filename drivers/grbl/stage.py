@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
-from threading import Event, Lock
+from collections.abc import Mapping, Sequence
 
 from drivers.clock import Clock, RealClock
-from drivers.errors import DeviceError, DeviceLimitError, DeviceLostError, DeviceTimeoutError
+from drivers.errors import DeviceError, DeviceLimitError
 from drivers.grbl.codes import bad_state
+from drivers.grbl.controller import GrblController
 from drivers.grbl.firmware import Firmware
-from drivers.grbl.link import HOLD, JOG_CANCEL, RESET, RESUME, GrblLink
+from drivers.grbl.link import HOLD, RESUME, GrblLink
 from drivers.grbl.motion import AxisMotion, duration, fastest_rate
 from drivers.grbl.settings import GrblAxis, GrblSettings
-from drivers.serial_port import SerialPort, usb_serial_number
+from drivers.serial_port import usb_serial_number
 from drivers.stage import StageDescription
 
-# Seconds. A board that the opening of its port restarts takes two of them to greet.
-_GREETING_LIMIT, _RESET_LIMIT = 6.0, 2.0
-_TURN_LIMIT = 4.0  # for another thread to end what it does
-_REPORT_LIMIT = 0.5  # a controller that waits for a reset reports nothing
-_FIRST_STOPPING_TIME = 3.0  # before the controller has told its acceleration
-_ARRIVAL_MARGIN = 2.0
+_MOVE_MARGIN = 2.0  # seconds that a move may take besides half as long again as its way explains
+_STOP_MARGIN = 0.5
 
 
 class GrblStage:
@@ -39,12 +34,7 @@ class GrblStage:
 
     def __init__(self, settings: GrblSettings, clock: Clock | None = None) -> None:
         self._settings = settings
-        self._clock = clock or RealClock()
-        self._turn = Lock()
-        self._stopped = Event()
-        self._homing = Event()
-        self._port: SerialPort | None = None
-        self._link: GrblLink | None = None
+        self._controller = GrblController(settings.port, settings.baud_rate, clock or RealClock())
         self._firmware = Firmware({}, "", "", "")
 
     def connect(self) -> None:
@@ -57,29 +47,25 @@ class GrblStage:
         DeviceTimeoutError
             If nothing answers.
         """
-        if self._link is not None:
+        if self._controller.is_open:
             return
-        self._port = SerialPort(self._settings.port, self._settings.baud_rate)
+        self._controller.open()
         try:
-            link = GrblLink(self._port, self._clock)
-            self._bring_to_rest(link, _FIRST_STOPPING_TIME, _GREETING_LIMIT)
-            self._firmware = Firmware.from_lines(link.ask("$$"), link.ask("$I"))
-            self._firmware.check(self._settings)
+            self._learn_firmware()
         except BaseException:
-            self._close()
+            self._controller.close()
             raise
-        self._link = link
 
     def disconnect(self) -> None:
         """Stop and close; safe to call twice, and without `connect`."""
         try:
             self.stop()
         finally:
-            self._close()
+            self._controller.close()
 
     def describe(self) -> StageDescription:
         """Return what the connected stage is; its serial number is what ``$I=`` stored, else that of its USB plug."""
-        port, link = self._settings.port, self._require_connection()
+        port, link = self._settings.port, self._controller.link
         return StageDescription(
             make="GRBL",
             model=link.version,
@@ -96,9 +82,9 @@ class GrblStage:
         DeviceError
             If homing fails, or without limit switches if the controller is locked.
         """
-        with self._conversation() as link:
+        with self._controller.conversation() as link:
             if self._settings.homing:
-                self._find_switches(link)
+                self._controller.run_homing(link, self._firmware.homing_limit(self._settings.axes))
             self._go(link, {axis.name: 0.0 for axis in self._settings.axes})
 
     def move(self, target: Mapping[str, float]) -> dict[str, float]:
@@ -115,7 +101,7 @@ class GrblStage:
             If the move takes longer than its way and the acceleration explain.
         """
         self._check(target)
-        with self._conversation() as link:
+        with self._controller.conversation() as link:
             return self._go(link, target)
 
     def move_duration(self, target: Mapping[str, float]) -> float:
@@ -127,7 +113,7 @@ class GrblStage:
             If `move` would refuse the target.
         """
         self._check(target)
-        with self._conversation() as link:
+        with self._controller.conversation() as link:
             report, machine = link.at_rest()
         homeless = {axis.name: 0.0 for axis in self._settings.axes}
         return self._duration(homeless if report.state == "Alarm" else self._named(machine), target)
@@ -140,33 +126,26 @@ class GrblStage:
         DeviceError
             If the controller is locked, so that its position means nothing.
         """
-        with self._conversation() as link:
+        with self._controller.conversation() as link:
             return self._position(link)
 
     def stop(self) -> None:
         """Halt every axis now, by deceleration; the position stays known, unless the stage was homing."""
-        link = self._link
-        if link is None:
-            return
-        self._stopped.set()
-        try:
-            # At once, whoever waits for an answer. Homing heeds nothing but a reset.
-            link.send(RESET if self._homing.is_set() else JOG_CANCEL + HOLD)
-            with self._exclusive() as link:
-                self._bring_to_rest(link, self._stopping_time(), _RESET_LIMIT)
-        except DeviceLostError:
-            self._close()
-            raise
-        finally:
-            self._stopped.clear()
+        self._controller.stop()
 
     def hold(self) -> None:
         """Let a motion under way rest where it is until `resume`; `move` waits."""
-        self._require_connection().send(HOLD)
+        self._controller.link.send(HOLD)
 
     def resume(self) -> None:
         """Go on after `hold`, or after the hold button of the controller."""
-        self._require_connection().send(RESUME)
+        self._controller.link.send(RESUME)
+
+    def _learn_firmware(self) -> None:
+        with self._controller.conversation() as link:
+            self._firmware = Firmware.from_lines(link.ask("$$"), link.ask("$I"))
+        self._firmware.check(self._settings)
+        self._controller.stopping_time = 1.5 * self._firmware.stopping_time(self._settings.axes) + _STOP_MARGIN
 
     def _go(self, link: GrblLink, target: Mapping[str, float]) -> dict[str, float]:
         start = self._position(link)
@@ -174,48 +153,14 @@ class GrblStage:
         feed = 60.0 * fastest_rate(self._motions(start, target))
         if feed > 0.0:
             words = "".join(f"{axis.letter}{axis.machine_from_position(target[axis.name]):.3f}" for axis in axes)
-            limit = 1.5 * self._duration(start, target) + _ARRIVAL_MARGIN
+            limit = 1.5 * self._duration(start, target) + _MOVE_MARGIN
             # Every mode is said anew, so that none that somebody else left behind changes what is meant. The answer to
             # the dwell comes when the motion has ended, which no report of the state tells as surely.
-            with self._resting_after_a_failure(link):
-                link.ask(f"G21G90G94G53G1{words}F{feed:.1f}", stopped=self._stopped)
-                link.ask(f"G4P{self._settings.settling_time:.3f}", limit, self._stopped)
+            self._controller.run(link, f"G21G90G94G53G1{words}F{feed:.1f}")
+            self._controller.run(link, f"G4P{self._settings.settling_time:.3f}", limit)
         arrived = self._position(link)
         self._check_arrival(axes, target, arrived)
         return arrived
-
-    def _find_switches(self, link: GrblLink) -> None:
-        self._homing.set()
-        try:
-            with self._resting_after_a_failure(link):
-                link.ask("$H", self._firmware.homing_limit(self._settings.axes), self._stopped)
-        finally:
-            self._homing.clear()
-
-    @contextmanager
-    def _resting_after_a_failure(self, link: GrblLink) -> Iterator[None]:
-        try:
-            yield
-        except DeviceLostError:
-            raise
-        except DeviceError:
-            # What failed first is the message.
-            with suppress(DeviceError):
-                self._bring_to_rest(link, self._stopping_time(), _RESET_LIMIT)
-            raise
-
-    def _bring_to_rest(self, link: GrblLink, stopping_time: float, greeting_limit: float) -> None:
-        """Halt by deceleration, then reset, which drops what is queued; only a reset in motion loses the position."""
-        link.send(JOG_CANCEL + HOLD)
-        link.forget()
-        deadline = self._clock.now() + stopping_time
-        with suppress(DeviceTimeoutError):
-            while not link.report(_REPORT_LIMIT).rests and self._clock.now() < deadline:
-                pass
-        link.reset(greeting_limit)
-
-    def _stopping_time(self) -> float:
-        return 1.5 * self._firmware.stopping_time(self._settings.axes) + _REPORT_LIMIT
 
     def _position(self, link: GrblLink) -> dict[str, float]:
         report, machine = link.at_rest()
@@ -230,14 +175,16 @@ class GrblStage:
         return {axis.name: axis.position_from_machine(machine[axis.i_letter]) for axis in self._settings.axes}
 
     def _check(self, target: Mapping[str, float]) -> None:
-        self._require_connection()
+        _ = self._controller.link  # before anything is said of the target, there has to be a stage
         axes = {axis.name: axis.describe() for axis in self._settings.axes}
         for name, value in target.items():
             if name not in axes:
                 raise DeviceLimitError(f"the stage has no axis {name!r}; its axes are {', '.join(axes)}")
             axes[name].soft_limits.check(f"target of axis {name}", value, "Leave that pose out of the plan.")
 
-    def _check_arrival(self, axes: list[GrblAxis], target: Mapping[str, float], arrived: Mapping[str, float]) -> None:
+    def _check_arrival(
+        self, axes: Sequence[GrblAxis], target: Mapping[str, float], arrived: Mapping[str, float]
+    ) -> None:
         astray = [
             f"axis {axis.name} is at {arrived[axis.name]:g} instead of {target[axis.name]:g}"
             for axis in axes
@@ -260,33 +207,3 @@ class GrblStage:
             for axis in self._settings.axes
             if axis.name in target
         ]
-
-    @contextmanager
-    def _conversation(self) -> Iterator[GrblLink]:
-        """Have the link alone, and in step with the controller."""
-        with self._exclusive() as link:
-            if not link.in_step:
-                self._bring_to_rest(link, self._stopping_time(), _RESET_LIMIT)
-            yield link
-
-    @contextmanager
-    def _exclusive(self) -> Iterator[GrblLink]:
-        if not self._turn.acquire(timeout=_TURN_LIMIT):
-            raise DeviceTimeoutError("the GRBL stage is busy with another call. Stop it, then try again")
-        try:
-            yield self._require_connection()
-        except DeviceLostError:
-            self._close()
-            raise
-        finally:
-            self._turn.release()
-
-    def _require_connection(self) -> GrblLink:
-        if self._link is None:
-            raise DeviceError("the GRBL stage is not connected. Call connect() first.")
-        return self._link
-
-    def _close(self) -> None:
-        port, self._port, self._link = self._port, None, None
-        if port is not None:
-            port.close()
