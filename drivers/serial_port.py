@@ -30,6 +30,8 @@ class SerialPort:
         As the system calls it, e.g. ``/dev/ttyACM0``; names below ``/dev/serial/by-id`` outlive a new plugging.
     baud_rate : int
         Bits per second.
+    poll : float
+        Seconds that `read` waits at most.
 
     Raises
     ------
@@ -39,9 +41,9 @@ class SerialPort:
         If the port cannot be opened: why, how to mend it, and which ports there are.
     """
 
-    def __init__(self, name: str, baud_rate: int) -> None:
+    def __init__(self, name: str, baud_rate: int, poll: float) -> None:
         self.name = name
-        self._serial = _opened(name, baud_rate)
+        self._serial = _opened(name, baud_rate, poll)
 
     def write(self, sent: bytes) -> None:
         """Send bytes.
@@ -60,8 +62,8 @@ class SerialPort:
         except (OSError, TypeError, ValueError) as error:
             raise self._lost(error) from None
 
-    def read(self, seconds: float) -> bytes:
-        """Return what has arrived, at the latest after `seconds`; empty when that is nothing.
+    def read(self, *, wait: bool = True) -> bytes:
+        """Return what has arrived; if that is nothing, wait for a byte, or for the time that a poll takes.
 
         Raises
         ------
@@ -69,9 +71,8 @@ class SerialPort:
             If the port is gone.
         """
         try:
-            self._serial.timeout = seconds
-            received: bytes = self._serial.read(1)
-            return received + bytes(self._serial.read(self._serial.in_waiting)) if received else received
+            first: bytes = self._serial.read(1) if wait else b""
+            return first + bytes(self._serial.read(self._serial.in_waiting))
         except (OSError, TypeError, ValueError) as error:
             raise self._lost(error) from None
 
@@ -100,11 +101,11 @@ def usb_serial_number(name: str) -> str | None:
     return numbers.get(name)
 
 
-def _opened(name: str, baud_rate: int) -> Any:
+def _opened(name: str, baud_rate: int, poll: float) -> Any:
     serial = _serial_module()
     try:
         # Exclusive: two programs on one port would each read half of the answers.
-        return serial.Serial(name, baud_rate, write_timeout=_WRITE_LIMIT, exclusive=True)
+        return serial.Serial(name, baud_rate, timeout=poll, write_timeout=_WRITE_LIMIT, exclusive=True)
     except (OSError, ValueError) as error:
         raise DeviceError(f"cannot open {name}. {_mend(error)}. Ports here: {_listed(port_names())}.") from None
 

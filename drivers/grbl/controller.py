@@ -14,6 +14,7 @@ from drivers.serial_port import SerialPort
 # Seconds. A board that the opening of its port restarts takes two of them to greet.
 _GREETING_LIMIT, _RESET_LIMIT = 6.0, 2.0
 _TURN_LIMIT = 4.0  # for another thread to end what it does
+_POLL = 0.02  # after which a waiting call looks whether it was stopped
 _REPORT_LIMIT = 0.5  # a controller that waits for a reset reports nothing
 
 
@@ -71,7 +72,7 @@ class GrblController:
         DeviceTimeoutError
             If nothing answers.
         """
-        self._port = SerialPort(self._name, self._baud_rate)
+        self._port = SerialPort(self._name, self._baud_rate, _POLL)
         try:
             link = GrblLink(self._port, self._clock)
             self._bring_to_rest(link, _GREETING_LIMIT)

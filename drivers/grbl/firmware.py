@@ -108,9 +108,11 @@ class Firmware:
     def _wrong(self, settings: GrblSettings) -> Iterator[str]:
         if self.values[_REPORTS_IN_INCHES]:
             yield "it reports in inches; set $13=0"
-        if settings.homing and not self.values[_HOMING]:
+        # The lowest bit; grblHAL keeps more in the others.
+        homing = int(self.values[_HOMING]) & 1
+        if settings.homing and not homing:
             yield "homing is off; set $22=1, or homing = false where there are no limit switches"
-        if not settings.homing and self.values[_HOMING]:
+        if not settings.homing and homing:
             yield "it wants to be homed; set homing = true, or $22=0 where there are no limit switches"
         rates = (_HOMING_FEED, _HOMING_SEEK) if settings.homing else ()
         yield from (

@@ -23,7 +23,6 @@ QUERY, HOLD, RESUME, JOG_CANCEL, RESET = b"?", b"!", b"~", b"\x85", b"\x18"
 
 # As often as the documentation recommends at most. It also pushes out a line that is held back until the next byte.
 _QUERY_PERIOD = 0.2
-_POLL = 0.02  # seconds that one look at the port takes at most
 _ANSWER_LIMIT = 2.0
 _LONGEST_LINE = 256  # bytes; what is longer has lost its end
 _MOST_READS = 100  # at once, of a port that babbles
@@ -62,7 +61,7 @@ class GrblLink:
     def forget(self) -> None:
         """Drop what has arrived: it answers nothing that is asked from now on."""
         for _ in range(_MOST_READS):
-            if not self._port.read(0.0):
+            if not self._port.read(wait=False):
                 break
         self._rest = b""
         self._arrived.clear()
@@ -201,7 +200,7 @@ class GrblLink:
                 asked = self._clock.now()
 
     def _receive(self) -> None:
-        *lines, rest = (self._rest + self._port.read(_POLL)).split(b"\n")
+        *lines, rest = (self._rest + self._port.read()).split(b"\n")
         self._rest = rest[-_LONGEST_LINE:]
         for raw in lines:
             line = raw.decode("ascii", "replace").strip("\r")

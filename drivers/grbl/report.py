@@ -8,7 +8,7 @@ from dataclasses import dataclass
 _STATES = "Idle|Run|Hold|Jog|Alarm|Door|Check|Home|Sleep"
 _NUMBERS = r"-?\d+\.\d{3}(?:,-?\d+\.\d{3}){2,5}"
 _REPORT = re.compile(
-    rf"<(?P<state>{_STATES})(?::(?P<part>\d))?\|(?P<kind>[MW])Pos:(?P<position>{_NUMBERS})"
+    rf"<(?P<state>{_STATES})(?::(?P<part>\d\d?))?\|(?P<kind>[MW])Pos:(?P<position>{_NUMBERS})"
     r"(?P<fields>(?:\|[A-Za-z]+:[^|<>:]*)*)>"
 )
 _OFFSET = re.compile(rf"\|WCO:({_NUMBERS})(?=\||$)")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from drivers.clock import Clock, RealClock
 from drivers.errors import DeviceError, DeviceLimitError
@@ -11,7 +11,7 @@ from drivers.grbl.controller import GrblController
 from drivers.grbl.firmware import Firmware
 from drivers.grbl.link import HOLD, RESUME, GrblLink
 from drivers.grbl.motion import AxisMotion, duration, fastest_rate
-from drivers.grbl.settings import GrblAxis, GrblSettings
+from drivers.grbl.settings import GrblSettings
 from drivers.serial_port import usb_serial_number
 from drivers.stage import StageDescription
 
@@ -149,17 +149,16 @@ class GrblStage:
 
     def _go(self, link: GrblLink, target: Mapping[str, float]) -> dict[str, float]:
         start = self._position(link)
-        axes = [axis for axis in self._settings.axes if axis.name in target]
         feed = 60.0 * fastest_rate(self._motions(start, target))
         if feed > 0.0:
-            words = "".join(f"{axis.letter}{axis.machine_from_position(target[axis.name]):.3f}" for axis in axes)
+            words = self._words(target)
             limit = 1.5 * self._duration(start, target) + _MOVE_MARGIN
             # Every mode is said anew, so that none that somebody else left behind changes what is meant. The answer to
             # the dwell comes when the motion has ended, which no report of the state tells as surely.
             self._controller.run(link, f"G21G90G94G53G1{words}F{feed:.1f}")
             self._controller.run(link, f"G4P{self._settings.settling_time:.3f}", limit)
         arrived = self._position(link)
-        self._check_arrival(axes, target, arrived)
+        self._check_arrival(target, arrived)
         return arrived
 
     def _position(self, link: GrblLink) -> dict[str, float]:
@@ -182,13 +181,15 @@ class GrblStage:
                 raise DeviceLimitError(f"the stage has no axis {name!r}; its axes are {', '.join(axes)}")
             axes[name].soft_limits.check(f"target of axis {name}", value, "Leave that pose out of the plan.")
 
-    def _check_arrival(
-        self, axes: Sequence[GrblAxis], target: Mapping[str, float], arrived: Mapping[str, float]
-    ) -> None:
+    def _words(self, target: Mapping[str, float]) -> str:
+        moved = (axis for axis in self._settings.axes if axis.name in target)
+        return "".join(f"{axis.letter}{axis.machine_from_position(target[axis.name]):.3f}" for axis in moved)
+
+    def _check_arrival(self, target: Mapping[str, float], arrived: Mapping[str, float]) -> None:
         astray = [
             f"axis {axis.name} is at {arrived[axis.name]:g} instead of {target[axis.name]:g}"
-            for axis in axes
-            if abs(arrived[axis.name] - target[axis.name]) > axis.tolerance
+            for axis in self._settings.axes
+            if axis.name in target and abs(arrived[axis.name] - target[axis.name]) > axis.tolerance
         ]
         if astray:
             raise DeviceError(f"the stage did not arrive: {'; '.join(astray)}. Home it, then move again.")

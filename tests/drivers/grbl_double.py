@@ -86,6 +86,7 @@ class GrblDouble:
         self.delay = 0.0  # seconds before each answer
         self.holds_back = False  # the last line stays inside until the next byte comes
         self.spoiled: dict[str, bytes] = {}  # start of a line -> what is sent in its place, once
+        self.spoiled_at: tuple[int, bytes] | None = None  # so many lines from now, and what is sent in its place
         self.refused: dict[str, int] = {}  # start of a line -> error number that answers it
         # Faults of the machine.
         self.switch_is_missing = False
@@ -427,6 +428,12 @@ class GrblDouble:
         for start in [start for start in self.spoiled if text.startswith(start)]:
             self._write(self.spoiled.pop(start))
             return
+        if self.spoiled_at is not None:
+            n_lines, raw = self.spoiled_at
+            self.spoiled_at = (n_lines - 1, raw) if n_lines else None
+            if n_lines == 0:
+                self._write(raw)
+                return
         self._write(text.encode() + b"\r\n")
 
     def _write(self, raw: bytes) -> None:

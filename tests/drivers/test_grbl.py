@@ -5,13 +5,22 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from threading import Event, Timer
 
 import pytest
 import serial
 
 from drivers.clock import RealClock
-from drivers.errors import DeviceError, DeviceLimitError, DeviceLostError, DeviceTimeoutError, UnsafeError
+from drivers.errors import (
+    CancelledError,
+    DeviceError,
+    DeviceLimitError,
+    DeviceLostError,
+    DeviceTimeoutError,
+    UnsafeError,
+)
 from drivers.grbl.stage import GrblStage
+from instrument.bounded import BoundedStage
 from tests.drivers.grbl_double import GrblDouble
 from tests.drivers.grbl_stages import TILT, TURN, settings_of
 
@@ -329,6 +338,35 @@ class TestInterfering:
             slow_stage.read()
 
 
+def test_a_move_that_is_called_off_is_halted_by_the_stop_that_follows(slow_stage: GrblStage, slow: GrblDouble):
+    cancel = Event()
+    bounded = BoundedStage(slow_stage, cancel, lambda *_, **__: None)
+    Timer(0.2, cancel.set).start()
+    with pytest.raises(CancelledError):
+        bounded.move(LONG)
+    bounded.stop()
+    assert not slow.moves()
+    cancel.clear()
+    assert 0.0 < bounded.read()["turn"] < LONG["turn"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n_lines", range(14))
+@pytest.mark.parametrize(
+    "raw", [b"", b"\xff\x00", b"<Idle|MPos:-1", b"<Idle|MPos:-1.000,-100.000,0.000|FS:0,0>\r\n", b"o"]
+)
+def test_any_line_may_be_spoiled_and_no_position_is_wrong(double: GrblDouble, n_lines: int, raw: bytes):
+    stage = GrblStage(settings_of(double), HastyClock())
+    stage.connect()
+    double.spoiled_at = (n_lines, raw)
+    try:
+        assert stage.move({"tilt": 20.0, "turn": -40.0}) == {"tilt": 20.0, "turn": -40.0}
+    except DeviceTimeoutError:
+        assert not double.moves()
+    assert stage.move({"tilt": -20.0, "turn": 10.0}) == stage.read() == {"tilt": -20.0, "turn": 10.0}
+    stage.disconnect()
+
+
 def test_a_stage_that_was_lost_is_connected_again(tmp_path: Path):
     port = tmp_path / "stage"
     with GrblDouble() as double:
@@ -375,6 +413,7 @@ class TestBadWire:
     def test_garbage_that_nobody_asked_for_does_no_harm(self, stage, double):
         for garbage in (b"\xfe\xff", b"ok\r\nok\r\n", b"<Idle|MPos:1.000,1.000,1.000|FS:0,0>\r\n", b"err"):
             double.say(garbage)
+            time.sleep(0.02)  # it has arrived before anything is asked
             assert stage.read() == {"tilt": 0.0, "turn": 0.0}
 
     def test_an_answer_that_gets_lost_is_missed_and_the_next_call_is_in_step(self, stage, double):

@@ -1,5 +1,8 @@
 import math
+import re
+import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -17,7 +20,7 @@ from tests.drivers.grbl_stages import TILT, TURN
 _WHOLE = (
     "<Idle|MPos:0.000,-10.000,5.000|FS:0,0>",
     "<Hold:1|WPos:-2.500,0.000,11.000|Bf:15,128|FS:500,8000|Pn:PZ|WCO:0.000,1.551,5.664>",
-    "<Alarm|MPos:0.000,0.000,0.000,0.000|F:0|Ov:100,100,100|A:SFM>",
+    "<Alarm:11|MPos:0.000,0.000,0.000,0.000|F:0|Ov:100,100,100|A:SFM>",
 )
 
 
@@ -145,6 +148,13 @@ def test_a_table_of_rig_toml_becomes_a_stage():
         True,
         115200,
     )
+
+
+def test_the_table_of_the_documentation_is_a_stage():
+    page = (Path(__file__).parents[2] / "docs" / "devices.md").read_text(encoding="utf-8")
+    (table,) = [text for text in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if 'driver = "grbl"' in text]
+    stage = GrblSettings.from_table(tomllib.loads(table)["stage"])
+    assert [axis.name for axis in stage.axes] == ["tilt", "turn"]
 
 
 def test_travel_is_negative_unless_homing_sets_the_origin_towards_it():
