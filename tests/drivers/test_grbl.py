@@ -296,6 +296,7 @@ class TestInterfering:
         time.sleep(0.3)
         assert not move.done()
         assert not slow.moves()
+        slow.pace = 50.0
         slow_stage.resume()
         assert move.result(5.0)["turn"] == pytest.approx(LONG["turn"], abs=0.05)
 
@@ -363,6 +364,7 @@ def test_any_line_may_be_spoiled_and_no_position_is_wrong(double: GrblDouble, n_
         assert stage.move({"tilt": 20.0, "turn": -40.0}) == {"tilt": 20.0, "turn": -40.0}
     except DeviceTimeoutError:
         assert not double.moves()
+    double.spoiled_at = None
     assert stage.move({"tilt": -20.0, "turn": 10.0}) == stage.read() == {"tilt": -20.0, "turn": 10.0}
     stage.disconnect()
 
