@@ -1,4 +1,3 @@
-import time
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -12,11 +11,16 @@ from tests.drivers.grbl_stages import settings_of
 
 class TestGrblStage(StageContract):
     @pytest.fixture
-    def stage(self, request: pytest.FixtureRequest) -> Iterator[Stage]:
-        # Who looks at the clock gets a controller that lives by it; the others need not wait.
-        with GrblDouble(pace=1.0 if "now" in request.fixturenames else 50.0) as double:
-            yield GrblStage(settings_of(double))
+    def double(self, request: pytest.FixtureRequest) -> Iterator[GrblDouble]:
+        # Who looks at the clock gets a machine that lives by it, and takes its time; the others need not wait.
+        pace = 1.0 if "now" in request.fixturenames else 50.0
+        with GrblDouble(pace, settings={110: 1200.0, 111: 1200.0}) as double:
+            yield double
 
     @pytest.fixture
-    def now(self) -> Callable[[], float]:
-        return time.monotonic
+    def stage(self, double: GrblDouble) -> Stage:
+        return GrblStage(settings_of(double))
+
+    @pytest.fixture
+    def now(self, double: GrblDouble) -> Callable[[], float]:
+        return lambda: double.time

@@ -49,7 +49,7 @@ def test_half_a_report_before_another_is_none(torn: str, whole: str):
     assert not any(parse_report(torn[:n] + whole) for n in range(1, len(torn) + 1))
 
 
-@settings(max_examples=50)
+@settings(max_examples=50, deadline=None)
 @given(st.text(max_size=40))
 def test_garbage_is_no_report(text: str):
     assert parse_report(f"<Idle|MPos:0.000,-10.000,5.0{text}") is None or text.startswith("00")
@@ -85,7 +85,7 @@ def test_what_needs_somebody_to_look_is_not_tried_again():
     assert isinstance(bad_state("Door"), UnsafeError)
 
 
-@settings(max_examples=20)
+@settings(max_examples=20, deadline=None)
 @given(
     way=st.tuples(*[st.floats(-180.0, 180.0)] * 3),
     rates=st.tuples(*[st.floats(600.0, 6000.0)] * 3),
