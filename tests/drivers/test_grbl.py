@@ -390,7 +390,7 @@ def test_a_stage_that_was_lost_is_connected_again(tmp_path: Path):
 
 class TestBadWire:
     @pytest.fixture
-    def hasty(self, double: GrblDouble) -> Iterator[GrblStage]:
+    def stage(self, double: GrblDouble) -> Iterator[GrblStage]:
         stage = GrblStage(settings_of(double), HastyClock())
         stage.connect()
         yield stage
@@ -418,11 +418,11 @@ class TestBadWire:
             time.sleep(0.02)  # it has arrived before anything is asked
             assert stage.read() == {"tilt": 0.0, "turn": 0.0}
 
-    def test_an_answer_that_gets_lost_is_missed_and_the_next_call_is_in_step(self, hasty, double):
+    def test_an_answer_that_gets_lost_is_missed_and_the_next_call_is_in_step(self, stage, double):
         double.spoiled = {"ok": b"o\xff"}
         with pytest.raises(DeviceTimeoutError, match=r"did not answer '' within 2 s"):
-            hasty.read()
-        assert hasty.move({"tilt": 10.0}) == {"tilt": 10.0, "turn": 0.0}
+            stage.read()
+        assert stage.move({"tilt": 10.0}) == {"tilt": 10.0, "turn": 0.0}
 
     def test_lines_that_are_held_back_until_the_next_byte_are_pushed_out(self, stage, double):
         double.holds_back = True
@@ -433,8 +433,8 @@ class TestBadWire:
         double.delay = 0.01
         assert stage.move({"tilt": 10.0})["tilt"] == 10.0
 
-    def test_a_controller_that_falls_silent_is_a_time_out(self, hasty, double):
+    def test_a_controller_that_falls_silent_is_a_time_out(self, stage, double):
         double.silent = True
         with pytest.raises(DeviceTimeoutError, match="Look at the cable and the power"):
-            hasty.read()
+            stage.read()
         double.silent = False
