@@ -1,4 +1,4 @@
-"""`halfangle session info`, `verify`, `list`, `pack` and `export`."""
+"""`halfangle session info`, `verify`, `list`, `pack`, `export` and `documents`."""
 
 from __future__ import annotations
 
@@ -127,6 +127,24 @@ def export(path: Path, output: Path) -> None:
     with Session(path) as source, progress_bar("export") as step:
         n_written = export_session(source, output, lambda done, total, name: step(done, name, total))
     click.echo(f"{output}: {n_written} pictures and capture.toml")
+
+
+@session.command("documents", epilog="Example: halfangle session documents relief.h5 -o relief.jsonl")
+@click.argument("path", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File to write, JSON lines.")
+def write_documents(path: Path, output: Path) -> None:
+    """Write the session PATH as documents of the event model, a name and a document a line; the frames stay in PATH."""
+    from cli.output import check_new
+    from instrument.documents import as_line, documents
+    from instrument.look import refuse_dangerous
+    from instrument.session import Session
+
+    check_new(output)
+    refuse_dangerous(path)
+    with Session(path) as source:
+        lines = [as_line(name, document) for name, document in documents(source)]
+    output.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+    click.echo(f"{output}: {len(lines)} documents")
 
 
 def _table(summary: dict[str, Any]) -> str:

@@ -13,10 +13,11 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
 
-from drivers.errors import DeviceError
+from drivers.errors import DeviceError, DeviceLostError
 from drivers.light import Light
 from drivers.registry import open_lone_light
 
@@ -41,7 +42,9 @@ def supervise(light: Light, requests: int, replies: int) -> None:
         supervisor.serve(requests, replies)
     finally:
         supervisor.darken()
-        light.disconnect()
+        # Nobody is left to hear that it failed, and all that can be done was done.
+        with suppress(DeviceError):
+            light.disconnect()
 
 
 class _Supervisor:
@@ -75,12 +78,15 @@ class _Supervisor:
         """Switch off until the light confirms it, or for as long as makes sense."""
         self._lease_end = None
         end = time.monotonic() + _LONGEST_DARKENING
-        while time.monotonic() < end and not self._is_dark():
+        while time.monotonic() < end and not self._is_done():
             time.sleep(_RETRY)
 
-    def _is_dark(self) -> bool:
+    def _is_done(self) -> bool:
         try:
             return not self._light.off().lit
+        except DeviceLostError:
+            # What is gone hears nothing more; its driver leaves it dark when it is connected again.
+            return True
         except DeviceError:
             return False
 
@@ -95,6 +101,8 @@ class _Supervisor:
         return {"value": None if value is None else asdict(value)}
 
     def _on(self, level: float, max_seconds: float) -> Any:
+        # A command that failed may have been obeyed: the lease is over unless it is known to have begun.
+        self._lease_end = time.monotonic()
         state = self._light.on(level, max_seconds)
         self._lease_end = time.monotonic() + max_seconds
         return state

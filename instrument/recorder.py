@@ -162,6 +162,12 @@ class Recorder:
             if self._file:
                 self._file.close()
 
+    def abandon(self) -> None:
+        """Touch the file no more; what is complete is on the disk."""
+        if self._file:
+            _ABANDONED.append(self._file)
+        self._file = None
+
     @contextmanager
     def _writing(self, n_bytes: int = 0) -> Iterator[h5py.File]:
         """Give the file to write `n_bytes` of pictures to, and hand them to the disk after the block.
@@ -183,8 +189,7 @@ class Recorder:
             sync(file)
             release(file)
         except (OSError, RuntimeError) as error:
-            _ABANDONED.append(file)
-            self._file = None
+            self.abandon()
             raise _as_os_error(error, self._path) from error
 
     def _write_frames(self, i_pose: int, record: PoseRecord) -> None:

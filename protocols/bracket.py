@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,9 @@ SETTING_TOLERANCE = 0.02
 FRAME_TOLERANCE = 1e-3
 # Seconds of lease a frame may take besides its exposure: readout, transfer, a busy computer.
 LEASE_MARGIN = 2.0
+# Counts above darkness, as a mean, that a frame must be expected to have to be held against another one: darkness is
+# known to about a count.
+_TELLING_COUNTS = 4.0
 # A frame of which more than this share is clipped counts as clipped: a few glints are no fault of the bracket.
 CLIPPED_SHARE = 1e-2
 
@@ -92,9 +96,12 @@ def take_bracket(rig: Rig, bracket: Bracket) -> list[Shot]:
     """
     with light_on(rig.light, rig.config.light.level, lease_seconds(bracket.times)):
         shots = _take_shots(rig, bracket)
-    check_order(shots)
-    check_lit_and_dark_again(rig, shots, bracket)
-    return sorted(shots, key=lambda shot: shot.i_exposure)
+    _check_order([shot.frame.sequence_number for shot in shots])
+    shots.sort(key=lambda shot: shot.i_exposure)
+    for shorter, longer in pairwise(shots):
+        _check_growth(shorter, longer, bracket, rig.camera.describe().saturation_level)
+    _check_lit_and_dark_again(rig, shots, bracket)
+    return shots
 
 
 def clips(frame: Frame, camera: CameraDescription) -> bool:
@@ -125,12 +132,15 @@ def take_darks(
     camera = rig.camera.describe()
     shape = camera.height, camera.width
     total, squares = np.zeros(shape, np.uint64), np.zeros(shape, np.uint64)
+    numbers = []
     for _ in range(count):
         frame = _expose(rig.camera, exposure_time)
+        numbers.append(frame.sequence_number)
         counts = frame.counts.astype(np.uint64)
         # Sums of whole numbers are exact; the stack of frames need not be kept.
         total += counts
         squares += counts * counts
+    _check_order(numbers)
     mean = total / count
     variance = np.maximum(squares - total * mean, 0.0) / (count - 1)
     _check_darks(mean, camera, exposure_time)
@@ -150,7 +160,7 @@ def take_flats(rig: Rig, exposure_time: float, count: int) -> NDArray[np.uint16]
     times = (exposure_time,) * count
     with light_on(rig.light, rig.config.light.level, lease_seconds(times)):
         shots = [take_shot(rig.camera, rig.light, 0, exposure_time) for _ in times]
-    check_order(shots)
+    _check_order([shot.frame.sequence_number for shot in shots])
     if clips(shots[0].frame, rig.camera.describe()):
         raise UnsafeError(f"the flat frames of {exposure_time:g} s clip. Choose a shorter flats.exposure_time_s")
     return np.stack([shot.frame.counts for shot in shots])
@@ -221,15 +231,32 @@ def lease_seconds(exposure_times: tuple[float, ...]) -> float:
     return sum(exposure_times) + LEASE_MARGIN * len(exposure_times)
 
 
-def check_order(shots: list[Shot]) -> None:
-    """Raise `DeviceError` unless the frames follow one another without a gap."""
-    first = shots[0].frame.sequence_number
-    numbers = [shot.frame.sequence_number for shot in shots]
-    if numbers != list(range(first, first + len(shots))):
+def _check_order(numbers: list[int]) -> None:
+    """Raise `DeviceError` unless frames of these numbers follow one another without a gap."""
+    if numbers != list(range(numbers[0], numbers[0] + len(numbers))):
         raise DeviceError(f"a frame was lost or came twice: the camera numbers them {numbers}")
 
 
-def check_lit_and_dark_again(rig: Rig, shots: list[Shot], bracket: Bracket) -> None:
+def _check_growth(shorter: Shot, longer: Shot, bracket: Bracket, saturation_level: float) -> None:
+    """Raise `DeviceError` unless two frames show the same light, as much of it as their exposure times tell.
+
+    A frame that was left over from before may have the right number and the right exposure time.
+    """
+    short, long = _sample(shorter.frame), _sample(longer.frame)
+    fits = long < 0.9 * saturation_level
+    if not fits.any():
+        return
+    seen = float(short[fits].mean()) - bracket.darkness[shorter.i_exposure]
+    expected = float(long[fits].mean()) - bracket.darkness[longer.i_exposure]
+    expected *= shorter.frame.exposure_time / longer.frame.exposure_time
+    if max(seen, expected) > _TELLING_COUNTS and not 0.5 * expected < seen < 2.0 * expected:
+        raise DeviceError(
+            f"the frame of {shorter.frame.exposure_time:g} s has a mean of {seen:.1f} counts above darkness where that "
+            f"of {longer.frame.exposure_time:g} s tells {expected:.1f}: a frame from before, or a light that flickers"
+        )
+
+
+def _check_lit_and_dark_again(rig: Rig, shots: list[Shot], bracket: Bracket) -> None:
     """Take one more frame, and make sure by the pictures that the light shone and that it went out.
 
     A light's own word is not enough: a relay can stick, an LED can be dead behind a driver that works. The frame
@@ -295,11 +322,11 @@ def _expose(camera: Camera, exposure_time: float) -> Frame:
     _check_close("the camera's exposure time", readback, exposure_time, SETTING_TOLERANCE)
     frame = camera.trigger()
     _check_close("the frame's exposure time", frame.exposure_time, readback, FRAME_TOLERANCE)
-    check_frame(frame, camera.describe())
+    _check_frame(frame, camera.describe())
     return frame
 
 
-def check_frame(frame: Frame, camera: CameraDescription) -> None:
+def _check_frame(frame: Frame, camera: CameraDescription) -> None:
     """Raise `DeviceError` unless the frame has the shape and type that the camera describes."""
     expected = (camera.height, camera.width)
     if frame.counts.shape != expected or frame.counts.dtype != np.uint16:

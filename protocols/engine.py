@@ -85,8 +85,9 @@ def capture(
         _create(rig, prepared, path)
         audit.begin()
         _note_begin(audit, rig, prepared, metered)
-        run = Run(rig, Recorder(path), audit, prepared.plan, path, _known(prepared), control, progress)
-        return _with_warnings(run.run(), prepared.warnings)
+        with Recorder(path) as recorder:
+            run = Run(rig, recorder, audit, prepared.plan, path, _known(prepared), control, progress)
+            return _with_warnings(run.run(), prepared.warnings)
 
 
 def resume(
@@ -132,10 +133,10 @@ def resume(
         raise_if_any("the rig cannot go on", preflight_problems(rig, session.plan))
         _stop_if_asked(control)
         begun = replace(session.begun, landmark=None) if accept_moved else session.begun
-        recorder = Recorder(session.path)
-        audit.begin()
-        audit.note("resumed", n_complete=len(begun.complete), accept_moved=accept_moved)
-        return Run(rig, recorder, audit, session.plan, session.path, begun, control, progress).run()
+        with Recorder(session.path) as recorder:
+            audit.begin()
+            audit.note("resumed", n_complete=len(begun.complete), accept_moved=accept_moved)
+            return Run(rig, recorder, audit, session.plan, session.path, begun, control, progress).run()
 
 
 def _stop_if_asked(control: Control) -> None:

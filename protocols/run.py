@@ -294,6 +294,8 @@ class Run:
         try:
             self._close(finish, Status.ABORTED if finish is Finish.ABORTED else Status.INTERRUPTED, str(error))
         except Exception as failure:
+            # Whoever closes it later must not wait for that disk, too.
+            self._recorder.abandon()
             self._unclosed += f" The session could not be closed: {failure}."
 
     def _close(self, finish: Finish, status: Status, why: str) -> None:

@@ -12,9 +12,11 @@ import pytest
 from pydantic import BaseModel
 
 from cli.main import halfangle
-from instrument.config import load_protocol, load_rig
+from instrument.config import load_rig
+from instrument.fault_config import load_faults
 from instrument.pictures.capture_config import CaptureConfig
 from instrument.pictures.importing import load_capture
+from protocols.python_protocol import load_any_protocol
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -55,8 +57,12 @@ def test_links_between_pages_lead_somewhere(page: Path) -> None:
 
 def test_the_examples_are_valid() -> None:
     assert load_rig(ROOT / "examples" / "simulated.toml").name
-    for protocol in ("hdr_sweep.toml", "quick_sweep.toml", "chosen_poses.toml"):
-        assert load_protocol(ROOT / "examples" / protocol).name
+    others = {"simulated.toml", "faults.toml"}
+    protocols = [path for path in (ROOT / "examples").glob("*.*") if path.name not in others]
+    assert len(protocols) >= 8
+    for protocol in protocols:
+        assert load_any_protocol(protocol).name
+    assert load_faults(ROOT / "examples" / "faults.toml")
 
 
 CAPTURE_EXAMPLES = re.findall(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -12,6 +12,11 @@ from drivers.limits import Limits
 from drivers.stage import AxisDescription
 
 LETTERS = "XYZABC"
+
+_NEEDED = ("port", "axes")
+_NEEDED_OF_AN_AXIS = ("name", "letter", "kind", "vector", "soft_limits", "tolerance")
+# key of the table -> attribute
+_OPTIONAL = {"baud_rate": "baud_rate", "homing": "homing", "settling_time_s": "settling_time"}
 
 _UNITS = {"rotation": "deg", "translation": "mm"}
 
@@ -130,8 +135,13 @@ class GrblSettings:
         DeviceError
             With all that cannot be.
         """
-        names = {"baud_rate": "baud_rate", "homing": "homing", "settling_time_s": "settling_time"}
-        stated = {name: table[key] for key, name in names.items() if key in table}
+        problems = [*_missing(table, _NEEDED, "stage")]
+        for i_axis, axis in enumerate(table.get("axes", ())):
+            problems += _missing(axis, _NEEDED_OF_AN_AXIS, f"stage.axes[{i_axis}]")
+            problems += _unknown(axis, f"stage.axes[{i_axis}]")
+        if problems:
+            raise DeviceError(f"{'; '.join(problems)}. See docs/devices.md.")
+        stated = {name: table[key] for key, name in _OPTIONAL.items() if key in table}
         return cls(port=table["port"], axes=tuple(_axis(axis) for axis in table["axes"]), **stated)
 
     def _shared(self) -> Iterator[str]:
@@ -144,6 +154,15 @@ class GrblSettings:
                 yield f"the {what} of two axes is {', '.join(twice)}"
         if not self.settling_time >= 0.0:
             yield f"settling_time_s is {self.settling_time:g}; it must not be negative"
+
+
+def _missing(table: Mapping[str, Any], needed: Sequence[str], where: str) -> Iterator[str]:
+    yield from (f"{where}.{key} is missing" for key in needed if key not in table)
+
+
+def _unknown(table: Mapping[str, Any], where: str) -> Iterator[str]:
+    allowed = GrblAxis.__dataclass_fields__
+    yield from (f"{where} has no key {key!r}" for key in table if key not in allowed)
 
 
 def _axis(table: Mapping[str, Any]) -> GrblAxis:

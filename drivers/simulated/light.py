@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
-from drivers.errors import DeviceError, DeviceLimitError
+from drivers.errors import DeviceError
+from drivers.lease import LEVEL_LIMITS, check_lease, check_level
 from drivers.light import LightDescription, LightState
-from drivers.limits import Limits
 
 if TYPE_CHECKING:
     # The process that supervises a light has no use for the scene.
     from drivers.simulated.world import World
-
-_LEVEL_LIMITS = Limits(0.0, 1.0, "of full level")
 
 
 class SimulatedLight:
@@ -44,7 +41,7 @@ class SimulatedLight:
         """Return what the light is."""
         self._require_connection()
         seed = self._world.bench.simulation.seed
-        return LightDescription("halfangle", "simulated light", f"sim-{seed}", _LEVEL_LIMITS)
+        return LightDescription("halfangle", "simulated light", f"sim-{seed}", LEVEL_LIMITS)
 
     def on(self, level: float, max_seconds: float) -> LightState:
         """Shine at `level` for at most `max_seconds`, then go dark unless told again.
@@ -55,12 +52,8 @@ class SimulatedLight:
             If `level` is outside the limits or `max_seconds` is not positive and finite.
         """
         self._require_connection()
-        _LEVEL_LIMITS.check("level", level, "Set light.level in the rig file within them.")
-        if not (max_seconds > 0.0 and math.isfinite(max_seconds)):
-            raise DeviceLimitError(
-                f"max_seconds is {max_seconds:g} s; allowed is more than 0 s, and finite. "
-                "Ask for as long as the frames of one pose take."
-            )
+        check_level(level)
+        check_lease(max_seconds)
         self._world.lamp.shine(level, max_seconds)
         return self._state()
 

@@ -171,3 +171,15 @@ def test_the_help_of_each_command_shows_an_example(command: str) -> None:
     result = CliRunner().invoke(halfangle, ["session", command, "--help"])
     assert result.exit_code == 0
     assert f"Example: halfangle session {command} " in result.output
+
+
+def test_documents_writes_a_line_for_each_document_and_nothing_over_another_file(
+    session_path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / "coin.jsonl"
+    assert run("documents", session_path, "-o", output) == 0
+    names = [json.loads(line)[0] for line in output.read_text().splitlines()]
+    assert names == ["start", "descriptor", "stream_resource", *["stream_datum", "event"] * 2, "stop"]
+    assert f"{output}: {len(names)} documents" in capsys.readouterr().out
+    assert run("documents", session_path, "-o", output) == 2
+    assert "exists and is not overwritten" in capsys.readouterr().err

@@ -150,6 +150,11 @@ def test_a_table_of_rig_toml_becomes_a_stage():
     )
 
 
+def test_keys_that_are_missing_or_unknown_are_named_at_once():
+    with pytest.raises(DeviceError, match=r"stage\.port is missing; stage\.axes\[0\]\.letter is missing.*'speed'"):
+        GrblSettings.from_table({"axes": [{"name": "tilt", "speed": 3.0}]})
+
+
 def test_the_table_of_the_documentation_is_a_stage():
     page = (Path(__file__).parents[2] / "docs" / "devices.md").read_text(encoding="utf-8")
     (table,) = [text for text in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if 'driver = "grbl"' in text]

@@ -46,10 +46,10 @@ def capture_with(path: Path, devices: FaultyBench, **options: Any) -> Finish:
 
 
 @fault(16)
-def test_a_kill_at_every_write_of_a_pose_leaves_what_was_complete(
+def test_a_kill_at_some_write_of_a_pose_leaves_what_was_complete(
     tmp_path: Path, whole: dict[str, object], fault_record: FaultRecord
 ) -> None:
-    for number in range(0, 60, 4):
+    for number in range(1, 60, 11):
         path = tmp_path / f"{number}.h5"
         process = processes().Process(target=bench.capture_and_die, args=(str(path), number))
         process.start()
@@ -58,7 +58,7 @@ def test_a_kill_at_every_write_of_a_pose_leaves_what_was_complete(
         assert bench.only_whole_poses(path)
         assert bench.resumed(path) == whole
     fault_record.row(
-        "SIGKILL before every fourth write to the file (and 200 at random times in `make soak`)",
+        "SIGKILL before one of the writes to the file (and 200 at random times in `make soak`)",
         "the file opens, complete poses are intact, resumed to the same frames",
         None,
     )
@@ -137,7 +137,7 @@ def test_a_disk_that_fills_up_ends_dark_with_a_file_that_reads(
     size = bench.run(tmp_path / "all.h5").path.stat().st_size
     left = set()
     # Room for bookkeeping is made sure of before each write; between no pose and all, it ends at any.
-    for missing in range(0, 50_000, 5_000):
+    for missing in range(0, 50_000, 12_000):
         path = tmp_path / f"{missing}.h5"
         said = captured_on_full_disk(path, tmp_path, size + _BOOKKEEPING - missing)
         left.add(bench.n_complete(path))
@@ -224,7 +224,6 @@ from tests.faults import bench
 
 n_signals, when = int(sys.argv[2]), sys.argv[3]
 rig = bench.rig_config()
-rig = rig.model_copy(update={"simulation": rig.simulation.model_copy(update={"real_time": True})})
 safe = Rig.safe
 
 def interrupt(number):

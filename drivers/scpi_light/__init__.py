@@ -1,0 +1,1 @@
+"""LED controllers by SCPI over USBTMC."""

@@ -1,0 +1,1 @@
+"""LED drivers that speak a few words over a serial port."""

@@ -1,0 +1,174 @@
+"""A LED driver on a serial port.
+
+It has no time limit of its own: its lease is kept by `drivers.light_supervisor`, the process that owns its port.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from contextlib import suppress
+
+from drivers.errors import DeviceError, DeviceLostError, UnsafeError
+from drivers.lease import LEVEL_LIMITS, check_lease, check_level
+from drivers.light import LightDescription, LightState
+from drivers.serial_light.dialogue import QUIET_TIME, LineDialogue
+from drivers.serial_light.settings import SerialLightSettings
+from drivers.serial_port import SerialPort, usb_serial_number
+
+_DARK = LightState(lit=False, level=0.0, monitor=math.nan, temperature=math.nan)
+
+
+class SerialLight:
+    """A LED driver that answers each line with a line; shines until it is told to stop.
+
+    Parameters
+    ----------
+    settings : SerialLightSettings
+    """
+
+    def __init__(self, settings: SerialLightSettings) -> None:
+        self._settings = settings
+        self._port: SerialPort | None = None
+        self._dialogue: LineDialogue | None = None
+        self._description: LightDescription | None = None
+
+    def connect(self) -> None:
+        """Open the port, dark; safe to call twice.
+
+        Raises
+        ------
+        DeviceError
+            If the port is not there, not allowed, busy, or has another device on it; then nothing stays open.
+        """
+        if self._description is not None and self._port is not None:
+            return
+        self._port = SerialPort(self._settings.port, self._settings.baud_rate, QUIET_TIME)
+        self._dialogue = LineDialogue(self._port, self._settings.answer_time)
+        try:
+            time.sleep(self._settings.boot_time)
+            self._description = self._identified()
+            if self.off().lit:
+                raise UnsafeError(f"the light at {self._settings.port} does not go off. Switch it off by hand")
+        except BaseException:
+            self._forget()
+            raise
+
+    def disconnect(self) -> None:
+        """Switch off and close; safe to call twice, and without `connect`."""
+        try:
+            self.off()
+        finally:
+            self._forget()
+
+    def describe(self) -> LightDescription:
+        """Return what the driver says that it is, with the serial number of its USB plug."""
+        return self._connected()
+
+    def on(self, level: float, max_seconds: float) -> LightState:
+        """Shine at `level`; after `max_seconds` the supervisor switches off.
+
+        Raises
+        ------
+        DeviceLimitError
+            If `level` is outside the limits, or `max_seconds` not positive, or longer than the settings allow.
+        """
+        self._connected()
+        check_level(level)
+        check_lease(max_seconds, self._settings.longest_lease)
+        try:
+            return self._shine(level)
+        except BaseException:
+            # What went wrong first is the message; the supervisor tries again if this fails too.
+            with suppress(DeviceError):
+                self._command(self._settings.off_command)
+            raise
+
+    def off(self) -> LightState:
+        """Go dark and confirm it by read-back; safe to call at any time."""
+        if self._description is None:
+            return _DARK
+        self._command(self._settings.off_command)
+        return self._state()
+
+    def read(self) -> LightState:
+        """Return the state as the driver reports it."""
+        self._connected()
+        return self._state()
+
+    def _identified(self) -> LightDescription:
+        settings = self._settings
+        identity = self._ask(settings.identify_command)
+        if settings.identity not in identity:
+            raise DeviceError(
+                f"the device at {settings.port} answers {settings.identify_command!r} with {identity!r}; expected was "
+                f"something with {settings.identity!r}. Look at port and identity in the rig file's [light.device]"
+            )
+        # A driver without a USB plug of its own has no number but its name.
+        return LightDescription("", identity, usb_serial_number(settings.port) or identity, LEVEL_LIMITS)
+
+    def _shine(self, level: float) -> LightState:
+        if level == 0.0:
+            return self.off()
+        self._command(self._settings.level_line(level))
+        self._command(self._settings.on_command)
+        state = self._state()
+        allowed = self._settings.level_tolerance / self._settings.full_level
+        if state.lit and not math.isclose(state.level, level, rel_tol=0.0, abs_tol=allowed):
+            raise DeviceError(
+                f"the light at {self._settings.port} was set to level {level:g} and reads back {state.level:g}; "
+                f"allowed is a difference of {allowed:g}. Look at full_level in the rig file's [light.device]"
+            )
+        return state
+
+    def _state(self) -> LightState:
+        question, expected = self._settings.state_command, self._settings.state
+        answer = self._ask(question)
+        match = re.fullmatch(expected, answer)
+        if match is None:
+            raise self._senseless(question, answer, f"a line that matches {expected}")
+        if match["lit"] is None:
+            return _DARK
+        try:
+            level = float(match["level"]) / self._settings.full_level
+        except ValueError:
+            raise self._senseless(question, answer, "a number for the level") from None
+        return LightState(True, level, math.nan, math.nan)
+
+    def _command(self, line: str) -> None:
+        answer = self._ask(line)
+        if answer != self._settings.done:
+            raise self._senseless(line, answer, repr(self._settings.done))
+
+    def _ask(self, line: str) -> str:
+        if self._dialogue is None:
+            raise DeviceLostError(f"the light at {self._settings.port} is gone. Connect it again")
+        try:
+            return self._dialogue.ask(line)
+        except DeviceLostError:
+            self._close()
+            raise
+
+    def _senseless(self, line: str, answer: str, expected: str) -> DeviceError:
+        if self._dialogue is not None:
+            self._dialogue.lose_step()
+        return DeviceError(
+            f"the light at {self._settings.port} answers {line!r} with {answer!r}; expected was {expected}. "
+            "Look at the words in the rig file's [light.device]"
+        )
+
+    def _connected(self) -> LightDescription:
+        if self._description is None:
+            raise DeviceError("the light is not connected. Call connect() first.")
+        return self._description
+
+    def _forget(self) -> None:
+        self._description = None
+        self._close()
+
+    def _close(self) -> None:
+        port, self._port, self._dialogue = self._port, None, None
+        if port is not None:
+            with suppress(DeviceError):
+                port.close()
