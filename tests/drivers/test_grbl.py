@@ -275,7 +275,9 @@ class TestInterfering:
     def test_a_stop_while_homing_locks_the_stage_until_it_is_homed(self, slow_stage, slow, begin):
         homing = begin.submit(slow_stage.home)
         until(lambda: slow.state == "Home")
+        heard = len(slow.received)
         slow_stage.stop()
+        assert "\\x18" in slow.received[heard : heard + 2]  # a hold would not be heeded
         with pytest.raises(DeviceError, match=r"ALARM:6|was stopped"):
             homing.result(1.0)
         assert slow.state == "Alarm"
@@ -289,16 +291,20 @@ class TestInterfering:
         assert not slow.moves()
         assert slow_stage.read()["turn"] < 0.0
 
-    def test_a_hold_lets_a_move_rest_until_it_is_resumed(self, slow_stage, slow, begin):
-        move = moving(begin, slow_stage, slow)
-        slow_stage.hold()
-        until(lambda: slow.state == "Hold:0")
-        time.sleep(0.3)
-        assert not move.done()
-        assert not slow.moves()
-        slow.pace = 50.0
-        slow_stage.resume()
-        assert move.result(5.0)["turn"] == pytest.approx(LONG["turn"], abs=0.05)
+    def test_a_hold_lets_a_move_rest_until_it_is_resumed_and_costs_no_time_limit(self, begin):
+        with GrblDouble(pace=10.0) as double:
+            stage = GrblStage(settings_of(double), HastyClock())
+            stage.connect()
+            limit = 1.5 * stage.move_duration(LONG) + 2.0
+            move = moving(begin, stage, double)
+            stage.hold()
+            until(lambda: double.state == "Hold:0")
+            time.sleep(1.1 * limit / 5.0)
+            assert not move.done()
+            assert not double.moves()
+            stage.resume()
+            assert move.result(5.0)["turn"] == pytest.approx(LONG["turn"], abs=0.05)
+            stage.disconnect()
 
     def test_a_hard_limit_ends_a_move_by_name_and_is_not_tried_again(self, slow_stage, slow, begin):
         move = moving(begin, slow_stage, slow)
@@ -422,7 +428,10 @@ class TestBadWire:
         double.spoiled = {"ok": b"o\xff"}
         with pytest.raises(DeviceTimeoutError, match=r"did not answer '' within 2 s"):
             stage.read()
+        heard = len(double.received)
         assert stage.move({"tilt": 10.0}) == {"tilt": 10.0, "turn": 0.0}
+        # An answer that was late, not lost, must not pass for that to the next line.
+        assert "\\x18" in double.received[heard : double.received.index("", heard)]
 
     def test_lines_that_are_held_back_until_the_next_byte_are_pushed_out(self, stage, double):
         double.holds_back = True
