@@ -1,0 +1,1 @@
+"""Stages driven by GRBL 1.1: turntable and tilt, or any goniometer."""

@@ -1,0 +1,260 @@
+"""The conversation with a GRBL 1.1 controller: lines and their answers, reports, the reset.
+
+One line at a time, each answered by ``ok`` or ``error:N`` before the next one goes out. A line that is neither that nor
+another known one is garbage: it is kept for the message and never interpreted. After garbage that cost an answer, the
+two are out of step, and only a reset brings them together again: see `GrblLink.in_step`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Iterator
+from threading import Event
+
+from drivers.clock import Clock
+from drivers.errors import DeviceError, DeviceTimeoutError
+from drivers.grbl.codes import alarm, bad_state, refusal
+from drivers.grbl.report import Report, machine_position, parse_report
+from drivers.serial_port import SerialPort
+
+QUERY, HOLD, RESUME, JOG_CANCEL, RESET = b"?", b"!", b"~", b"\x85", b"\x18"
+"""Characters that act at once, wherever they stand in the stream."""
+
+# As often as the documentation recommends at most. It also pushes out a line that is held back until the next byte.
+_QUERY_PERIOD = 0.2
+_ANSWER_LIMIT = 2.0
+_LONGEST_LINE = 256  # bytes; what is longer has lost its end
+_MOST_READS = 100  # at once, of a port that babbles
+_RESET_PERIOD = 1.0  # seconds; a board that the opening of its port restarts hears nothing for a second or two
+
+_BANNER = re.compile(r"Grbl(?:HAL)? (1\.1\w*) \[.*help\]")
+_ANY_BANNER = re.compile(r"Grbl(?:HAL)? .*\[.*help\]")
+_NUMBERED = re.compile(r"(error|ALARM):(\d{1,3})")
+
+
+class GrblLink:
+    """A conversation over an open port.
+
+    Parameters
+    ----------
+    port : SerialPort
+    clock : Clock
+        Whose seconds the limits are counted by.
+    """
+
+    def __init__(self, port: SerialPort, clock: Clock) -> None:
+        self._port = port
+        self._clock = clock
+        self._rest = b""
+        self._arrived: deque[str] = deque()
+        self._garbage: list[str] = []
+        self._offset: tuple[float, ...] | None = None
+        self._n_numbers: int | None = None
+        self.version = ""
+        self.in_step = False
+
+    def send(self, character: bytes) -> None:
+        """Send a character that acts at once; any thread may."""
+        self._port.write(character)
+
+    def forget(self) -> None:
+        """Drop what has arrived: it answers nothing that is asked from now on."""
+        for _ in range(_MOST_READS):
+            if not self._port.read(wait=False):
+                break
+        self._rest = b""
+        self._arrived.clear()
+        self._garbage.clear()
+
+    def ask(self, line: str, seconds: float | None = None, stopped: Event | None = None) -> list[str]:
+        """Send a line, wait for its ``ok``, return the lines that came before it.
+
+        Parameters
+        ----------
+        line : str
+            Without its end.
+        seconds : float, optional
+            The limit, if not the usual one; it stands still during a feed hold, which somebody is about to release.
+        stopped : threading.Event, optional
+            Set by another thread to end the wait.
+
+        Raises
+        ------
+        DeviceError
+            If the controller refuses the line, raises an alarm or is in a state in which it works no more, or if
+            `stopped` is set.
+        DeviceTimeoutError
+            If there is no answer in time.
+        """
+        self.forget()
+        _raise_if_set(stopped)
+        came: list[str] = []
+        limit = seconds or _ANSWER_LIMIT
+        self.in_step, deadline = False, self._clock.now() + limit
+        self._port.write(line.encode("ascii") + b"\n")
+        for reply in self._lines():
+            if reply == "ok":
+                self.in_step = True
+                return came
+            if reply:
+                self._raise_if_bad(reply, line)
+                came.append(reply)
+                if reply.startswith("<Hold"):
+                    deadline = self._clock.now() + limit
+            _raise_if_set(stopped)
+            if self._clock.now() > deadline:
+                raise self._silence(f"did not answer {line!r} within {limit:g} s")
+        raise AssertionError("unreachable: the port yields lines for ever")
+
+    def report(self, seconds: float = _ANSWER_LIMIT) -> Report:
+        """Return the next whole status report; the one of a moment ago, if it was held back.
+
+        Raises
+        ------
+        DeviceTimeoutError
+            If none comes in time.
+        """
+        deadline = self._clock.now() + seconds
+        self.send(QUERY)
+        for reply in self._lines():
+            report = parse_report(reply)
+            if report is not None and self._n_numbers in {None, len(report.position)}:
+                return report
+            if self._clock.now() > deadline:
+                raise self._silence(f"sent no status report within {seconds:g} s")
+        raise AssertionError("unreachable: the port yields lines for ever")
+
+    def at_rest(self) -> tuple[Report, tuple[float, ...]]:
+        """Return a report of now and its machine position, which two reports in a row agree on.
+
+        What follows the answer to an empty line was reported after it: nothing that was held back passes for new.
+        A digit that got lost on the wire makes a report that looks whole; it does not make the same one twice.
+
+        Returns
+        -------
+        report : Report
+        position : tuple of float, shape (n_letters,)
+            In the controller's units.
+
+        Raises
+        ------
+        DeviceTimeoutError
+            If no two agree in time.
+        """
+        self.ask("")
+        deadline, before = self._clock.now() + _ANSWER_LIMIT, None
+        while self._clock.now() < deadline:
+            report = self.report()
+            position = machine_position(report, self._offset)
+            now = (report.state, position)
+            if now == before and position is not None and report.rests:
+                self._n_numbers = len(position)
+                return report, position
+            before = now
+        raise self._silence(f"sent no two status reports that agree within {_ANSWER_LIMIT:g} s")
+
+    def reset(self, seconds: float) -> None:
+        """Reset the controller until it greets, and be in step with it.
+
+        At rest it keeps its position; in motion it loses it and locks itself.
+
+        Raises
+        ------
+        DeviceTimeoutError
+            If nothing answers in time.
+        DeviceError
+            If something else than GRBL 1.1 does.
+        """
+        self.forget()
+        self._offset = None
+        began = self._clock.now()
+        self.send(RESET)
+        again = began + _RESET_PERIOD
+        for reply in self._lines():
+            if _ANY_BANNER.fullmatch(reply):
+                return self._greeted(reply)
+            if (now := self._clock.now()) > began + seconds:
+                raise self._no_greeting(seconds)
+            if now > again:
+                self.send(RESET)
+                again = now + _RESET_PERIOD
+        raise AssertionError("unreachable: the port yields lines for ever")
+
+    def _greeted(self, banner: str) -> None:
+        match = _BANNER.fullmatch(banner)
+        if match is None:
+            raise DeviceError(f"{self._port.name}: {banner!r} is no GRBL 1.1. Install GRBL 1.1 on the controller")
+        self.version = match[1]
+        self.ask("")
+
+    def _lines(self) -> Iterator[str]:
+        """Yield each line as it arrives, and an empty one whenever there is none; ask for a report now and then."""
+        asked = self._clock.now()
+        while True:
+            if not self._arrived:
+                self._receive()
+            yield self._arrived.popleft() if self._arrived else ""
+            if self._clock.now() - asked > _QUERY_PERIOD:
+                self.send(QUERY)
+                asked = self._clock.now()
+
+    def _receive(self) -> None:
+        *lines, rest = (self._rest + self._port.read()).split(b"\n")
+        self._rest = rest[-_LONGEST_LINE:]
+        for raw in lines:
+            line = raw.decode("ascii", "replace").strip("\r")
+            self._learn(line)
+            self._arrived.append(line)
+
+    def _learn(self, line: str) -> None:
+        report = parse_report(line)
+        if report is not None:
+            self._offset = report.offset or self._offset
+        elif line and not _is_known(line):
+            self._garbage.append(line)
+
+    def _raise_if_bad(self, reply: str, line: str) -> None:
+        if (match := _NUMBERED.fullmatch(reply)) is not None:
+            self.in_step = match[1] == "error"
+            raise refusal(int(match[2]), line) if self.in_step else alarm(int(match[2]))
+        if _ANY_BANNER.fullmatch(reply):
+            raise DeviceError("the controller restarted by itself. Look at its power, then connect and home the stage")
+        report = parse_report(reply)
+        # A locked controller answers all the same, and by number.
+        if report is not None and report.state in {"Door", "Sleep"}:
+            raise bad_state(report.state)
+
+    def _silence(self, what: str) -> DeviceTimeoutError:
+        self.in_step = False
+        return DeviceTimeoutError(f"the controller at {self._port.name} {what}{self._received()}.")
+
+    def _received(self) -> str:
+        shown = ", ".join(repr(line[:40]) for line in self._garbage[:3])
+        return f"; instead came {shown}. Look at the cable" if shown else ". Look at the cable and the power"
+
+    def _no_greeting(self, seconds: float) -> DeviceError:
+        if self._garbage or self._rest:
+            came = (self._garbage or [self._rest.decode("ascii", "replace")])[0]
+            return DeviceError(
+                f"what answers at {self._port.name} is no GRBL 1.1; it sent {came[:40]!r}. "
+                "Correct stage.port, or the baud rate"
+            )
+        return DeviceTimeoutError(
+            f"nothing answered at {self._port.name} within {seconds:g} s. "
+            "Look at the power of the controller and the cable; correct stage.port, or the baud rate"
+        )
+
+
+def _is_known(line: str) -> bool:
+    return (
+        line == "ok"
+        or line[0] in "$>["
+        or _NUMBERED.fullmatch(line) is not None
+        or _ANY_BANNER.fullmatch(line) is not None
+    )
+
+
+def _raise_if_set(stopped: Event | None) -> None:
+    if stopped is not None and stopped.is_set():
+        raise DeviceError("the motion was stopped. Find out why, then move again.")
