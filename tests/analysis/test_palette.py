@@ -177,6 +177,7 @@ def test_the_size_of_the_tiles_does_not_matter(
     np.testing.assert_array_equal(small.depth, reconstructed.depth)
 
 
+@pytest.mark.slow
 def test_views_of_wrong_power_are_corrected_where_the_palette_says_so(stack: Stack):
     factor = 1.0 + 0.03 * np.random.default_rng(2).standard_normal(stack.n_views)
     wrong = replace(stack, light_power=stack.light_power * factor)

@@ -147,6 +147,7 @@ def chosen(stack: Stack, **options: object):
     return result, {choice.effect: choice for choice in result.choices}["parallax"]
 
 
+@pytest.mark.slow
 def test_parallax_is_turned_on_for_a_stack_made_on_the_plane():
     on_plane = make_stack(n_views=40, size=32, pitch=0.2, registered_to="plane")
     result, choice = chosen(on_plane)

@@ -115,6 +115,7 @@ def test_the_offset_of_the_light_is_found_from_the_highlights(estimated: Reconst
     assert "highlights put it at" in choices(estimated)["light"][1]
 
 
+@pytest.mark.slow
 def test_an_offset_light_taken_for_collocated_is_much_worse(offset_stack: Stack, estimated: Reconstruction):
     given = reconstruct(offset_stack, Options(accuracy="draft"))
     forced = reconstruct(offset_stack, Options(light="collocated", accuracy="draft"))

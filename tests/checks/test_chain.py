@@ -36,6 +36,7 @@ def test_green_alone_gives_the_normals_of_all_colours(record: Record, neutral: N
     record.at_most("the same, median", np.nanmedian(apart), 0.05, "°")
 
 
+@pytest.mark.slow
 @pytest.mark.check(12)
 def test_an_embossed_letter_stays_convex_and_unmirrored_to_the_file(record: Record, simulated: Simulated) -> None:
     result, truth = read_result(simulated.result_file), simulated.truth

@@ -74,7 +74,8 @@ class FakeCamera:
         return Frame(self.counts(), self.n_triggers - 1, self.exposure_time, 30.0)
 
     def counts(self) -> np.ndarray:
-        rng = np.random.default_rng([round(1e6 * self.exposure_time), round(self.bench.position["turn"])])
+        # One scene at each pose, whatever the exposure time.
+        rng = np.random.default_rng(round(self.bench.position["turn"]))
         signal = rng.uniform(0, 6e4, (HEIGHT, WIDTH)) * self.exposure_time * self.bench.lit
         return np.minimum(BLACK + signal, SATURATION).astype(np.uint16)
 
