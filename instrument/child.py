@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from queue import Empty, Queue
 from threading import Thread
@@ -76,8 +77,10 @@ def _lines(child: subprocess.Popen[bytes]) -> Iterator[dict[str, Any]]:
 
 def _listen(child: subprocess.Popen[bytes], said: Queue[bytes]) -> None:
     assert child.stdout is not None
-    for line in child.stdout:
-        said.put(line)
+    # Whoever wants no more closes it, which the reader notices in the middle of a line.
+    with suppress(ValueError):
+        for line in child.stdout:
+            said.put(line)
     said.put(b"")
 
 
