@@ -34,6 +34,10 @@ CLOSE_LIMIT = 60.0
 """Seconds that closing the session may take; a stalled disk must not keep anybody waiting for ever."""
 
 
+LONGEST_DEAFNESS = 1.0
+"""Seconds on the rig's clock that a wait for the next pose may keep somebody waiting who asks for a pause."""
+
+
 class CaptureFaultError(DeviceError):
     """A capture stopped because of a device; its session can be resumed."""
 
@@ -177,7 +181,7 @@ class Run:
 
     def _warm_up(self) -> None:
         self._report(State.WARMUP, "letting the light warm up")
-        done = self._recovery.repeated("the warm-up", lambda _: warm_up(self._rig))
+        done = self._recovery.repeated("the warm-up", lambda _: warm_up(self._rig, self._between_poses))
         self._audit.note("warm", seconds=done.seconds, slope_per_minute=done.slope)
         if not done.steady:
             raise PausedError(
@@ -207,7 +211,9 @@ class Run:
         for i_pose in self._missing:
             self._between_poses()
             self._report(State.RUNNING, f"pose {i_pose + 1} of {self._plan.n_poses}")
-            self._rig.wait(max(0.0, begins - self._rig.clock.now()))
+            while (left := begins - self._rig.clock.now()) > 0.0:
+                self._rig.wait(min(left, LONGEST_DEAFNESS))
+                self._between_poses()
             begins = self._rig.clock.now() + self._plan.interval
             self._pose(i_pose, bracket)
         self._between_poses()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,10 +41,16 @@ class WarmUp:
     steady: bool
 
 
-def warm_up(rig: Rig) -> WarmUp:
+def warm_up(rig: Rig, look: Callable[[], None]) -> WarmUp:
     """Shine until the monitor's slope is small, or for twice as long as ``light.warm_up_s``, the rated time.
 
     A light without a monitor shines for the rated time, which is all that is known of it.
+
+    Parameters
+    ----------
+    rig : Rig
+    look : callable
+        Called at each reading; what it raises ends the warm-up, with the light off.
 
     Raises
     ------
@@ -56,6 +63,7 @@ def warm_up(rig: Rig) -> WarmUp:
     readings, seconds, slope = list[float](), 0.0, math.nan
     with light_on(rig.light, light.level, SAMPLE_SECONDS + 1.0):
         while seconds < _longest(rated, readings) and not abs(slope) <= light.steady_per_minute:
+            look()
             rig.wait(SAMPLE_SECONDS)
             seconds += SAMPLE_SECONDS
             # Told again each time: a program that dies leaves it lit for no longer than one reading.
