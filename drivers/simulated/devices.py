@@ -26,6 +26,7 @@ def open_simulated(
         Virtual by default: motions and exposures take no time of yours.
     """
     world = World.from_rig(rig, clock)
+    world.compile()
     return world, SimulatedCamera(world), SimulatedLight(world), SimulatedStage(world)
 
 

@@ -117,6 +117,10 @@ class World:
         view = self._view(position)
         return render(self.scene.surface, view, self.bench.height, self.bench.width, n_threads)
 
+    def compile(self) -> None:
+        """Have the kernels of `picture` compiled: on a new machine that takes longer than a camera may for a frame."""
+        render(self.scene.surface, self._view(None), 2, 2, 1)
+
     def truth(self, x_mm: ArrayLike, y_mm: ArrayLike) -> Truth:
         """Return normals, depth and materials at points of the sample frame (mm, any shape)."""
         return truth.truth_at(self.scene, x_mm, y_mm)

@@ -1,3 +1,6 @@
+import subprocess
+import sys
+from pathlib import Path
 from threading import Timer
 from typing import Any
 
@@ -161,3 +164,18 @@ def test_an_exposure_can_be_stopped():
     with pytest.raises(DeviceError, match="exposure was stopped"):
         camera.trigger()
     timer.join()
+
+
+COMPILED = """
+from drivers.simulated.devices import open_simulated
+from drivers.simulated.render import _render_rows
+from tests.drivers.rigs import small_rig
+
+assert not _render_rows.signatures
+open_simulated(small_rig(scene="plane"))
+assert _render_rows.signatures
+"""
+
+
+def test_pictures_are_compiled_before_a_camera_has_to_be_in_time() -> None:
+    subprocess.run([sys.executable, "-c", COMPILED], check=True, cwd=Path(__file__).parents[2])
