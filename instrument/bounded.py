@@ -60,6 +60,7 @@ def within(seconds: float, what: str, call: Callable[[], Result], cancel: Event 
     CancelledError
         If `cancel` is set meanwhile.
     """
+    _check_cancel(what, cancel)
     outcome: SimpleQueue[tuple[Result | None, BaseException | None]] = SimpleQueue()
     Thread(target=_run, args=(call, outcome), name=what, daemon=True).start()
     deadline = time.monotonic() + seconds
@@ -81,9 +82,13 @@ def _run(call: Callable[[], Result], outcome: SimpleQueue[tuple[Result | None, B
         outcome.put((None, error))
 
 
-def _check_wait(seconds: float, deadline: float, what: str, cancel: Event | None) -> None:
+def _check_cancel(what: str, cancel: Event | None) -> None:
     if cancel is not None and cancel.is_set():
         raise CancelledError(f"{what}: called off")
+
+
+def _check_wait(seconds: float, deadline: float, what: str, cancel: Event | None) -> None:
+    _check_cancel(what, cancel)
     if time.monotonic() >= deadline:
         raise DeviceTimeoutError(
             f"{what} did not end within {seconds:g} s. Look whether the device is alive; it is connected anew"

@@ -20,6 +20,9 @@ from cli.main import main
 from drivers.simulated.world import World
 from instrument.config import load_rig
 
+# A minute of its own; `make test` has the same way, smaller, in tests/checks.
+pytestmark = pytest.mark.slow
+
 PROTOCOL = """
 name = "few poses"
 sample = "relief"

@@ -33,6 +33,14 @@ def test_a_wait_is_called_off_from_another_thread() -> None:
     never.set()
 
 
+def test_nothing_is_begun_any_more_once_it_is_called_off() -> None:
+    cancel, begun = threading.Event(), list[bool]()
+    cancel.set()
+    with pytest.raises(CancelledError):
+        within(5.0, "camera: frame", lambda: begun.append(True), cancel)
+    assert begun == []
+
+
 def test_a_rig_that_is_called_off_still_goes_dark_and_stops() -> None:
     bench, cancel, never = FakeBench(), threading.Event(), threading.Event()
     with Rig.connected(rig_config(), bench.devices, cancel) as rig:
