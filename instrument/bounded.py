@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from queue import Empty, SimpleQueue
 from threading import Event, Thread
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
 from drivers.camera import Camera, CameraDescription, Frame
 from drivers.clock import LONGEST_NAP
@@ -61,25 +62,32 @@ def within(seconds: float, what: str, call: Callable[[], Result], cancel: Event 
         If `cancel` is set meanwhile.
     """
     _check_cancel(what, cancel)
-    outcome: SimpleQueue[tuple[Result | None, BaseException | None]] = SimpleQueue()
+    outcome: SimpleQueue[Callable[[], Result]] = SimpleQueue()
     Thread(target=_run, args=(call, outcome), name=what, daemon=True).start()
     deadline = time.monotonic() + seconds
     while True:
         try:
-            result, error = outcome.get(timeout=max(0.0, min(LONGEST_NAP, deadline - time.monotonic())))
+            give = outcome.get(timeout=max(0.0, min(LONGEST_NAP, deadline - time.monotonic())))
         except Empty:
             _check_wait(seconds, deadline, what, cancel)
-            continue
-        if error is not None:
-            raise error
-        return result  # type: ignore[return-value]
+        else:
+            return give()
 
 
-def _run(call: Callable[[], Result], outcome: SimpleQueue[tuple[Result | None, BaseException | None]]) -> None:
+def _run(call: Callable[[], Result], outcome: SimpleQueue[Callable[[], Result]]) -> None:
+    """Put what returns the result of `call`, or raises its error, into `outcome`."""
     try:
-        outcome.put((call(), None))
+        outcome.put(partial(_returned, call()))
     except BaseException as error:
-        outcome.put((None, error))
+        outcome.put(partial(_raised, error))
+
+
+def _returned(result: Result) -> Result:
+    return result
+
+
+def _raised(error: BaseException) -> NoReturn:
+    raise error
 
 
 def _check_cancel(what: str, cancel: Event | None) -> None:

@@ -48,7 +48,9 @@ def kill_and_resume(path: Path, whole: tuple[dict[str, object], float], rng: ran
         with Session(path) as session:
             n_complete = int(session.pose_complete.sum())
             before = [session.frames(i).tobytes() for i in range(n_complete)]
-        assert before == expected["frames"][:n_complete]  # type: ignore[index]
+        frames = expected["frames"]
+        assert isinstance(frames, list)
+        assert before == frames[:n_complete]
     process = processes().Process(target=run_resume if path.exists() else run_capture, args=(str(path),))
     process.start()
     assert ended(process) == 0
