@@ -392,9 +392,8 @@ class GrblDouble:
     def _target(self, axes: dict[str, float], commands: set[str], modes: dict[str, str]) -> list[float]:
         start = self.machine.queue[-1][0] if self.machine.queue else self.machine.position
         target = list(start)
-        for letter, value in axes.items():
-            i = "XYZ".index(letter)
-            value *= _inches(modes)  # noqa: PLW2901
+        for letter, number in axes.items():
+            i, value = "XYZ".index(letter), number * _inches(modes)
             if modes["distance"] == "G91":
                 target[i] = start[i] + value
             else:

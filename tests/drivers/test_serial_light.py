@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import nullcontext, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -47,8 +48,8 @@ def light(double: SerialLightDouble) -> Iterator[SerialLight]:
     light._forget()
 
 
-def settings(double: SerialLightDouble, **values: object) -> SerialLightSettings:
-    return SerialLightSettings(**{"port": double.port, "identity": "blinker", "answer_time": 0.3, **values})  # type: ignore[arg-type]
+def settings(double: SerialLightDouble, **values: Any) -> SerialLightSettings:
+    return SerialLightSettings(**{"port": double.port, "identity": "blinker", "answer_time": 0.3, **values})
 
 
 def n_open(port: str) -> int:
