@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.limits import Limits
+from drivers.setting import Setting
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +34,8 @@ class CameraDescription:
         Seconds.
     firmware : str
         Its version, as the device says it; ``""`` where it does not.
+    settings : tuple of Setting
+        What was set when it was connected, as it reads back.
     """
 
     make: str
@@ -48,6 +51,7 @@ class CameraDescription:
     read_noise: float
     exposure_time_limits: Limits
     firmware: str = ""
+    settings: tuple[Setting, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,17 +6,19 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from drivers.limits import Limits
+from drivers.setting import Setting
 
 
 @dataclass(frozen=True, slots=True)
 class LightDescription:
-    """What does not change while a light is connected."""
+    """What does not change while a light is connected; `settings` as it reads back."""
 
     make: str
     model: str
     serial_number: str
     level_limits: Limits
     firmware: str = ""
+    settings: tuple[Setting, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol, runtime_checkable
 
 from drivers.limits import Limits
+from drivers.setting import Setting
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,13 +38,14 @@ class AxisDescription:
 
 @dataclass(frozen=True, slots=True)
 class StageDescription:
-    """What does not change while a stage is connected; axes from the base to the sample."""
+    """What does not change while a stage is connected: axes from the base to the sample, `settings` as read back."""
 
     make: str
     model: str
     serial_number: str
     axes: tuple[AxisDescription, ...]
     firmware: str = ""
+    settings: tuple[Setting, ...] = ()
 
 
 @runtime_checkable

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
+
+from drivers.settings import DeviceSettings
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
@@ -14,7 +16,7 @@ Vector = tuple[float, float, float]
 class Settings(BaseModel):
     """A frozen table: unknown keys, infinities, NaN and values of a wrong type are refused."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+    model_config = DeviceSettings.model_config
 
 
 class SettingsFile(Settings):

@@ -2,9 +2,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from drivers.contracts.stage import StageContract
 from drivers.grbl.stage import GrblStage
 from drivers.stage import Stage
-from tests.contracts.stage import StageContract
 from tests.drivers.grbl_double import GrblDouble
 from tests.drivers.grbl_stages import settings_of
 

@@ -2,11 +2,11 @@ from collections.abc import Callable
 
 import pytest
 
+from drivers.contracts.light import LightContract
 from drivers.light import Light
 from drivers.scpi_light.light import ScpiLight
 from drivers.scpi_light.settings import ScpiLightSettings
 from drivers.simulated.clock import VirtualClock
-from tests.contracts.light import LightContract
 from tests.drivers.dc2200_double import Dc2200Double
 from tests.drivers.usbtmc_double import UsbBus, UsbTmcDevice
 

@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from drivers.contracts.light import LightContract
 from drivers.light import Light
 from drivers.supervised_light import SupervisedLight
-from tests.contracts.light import LightContract
 from tests.drivers.serial_light_double import SerialLightDouble
 
 

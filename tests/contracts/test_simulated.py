@@ -3,15 +3,15 @@ from collections.abc import Callable
 import pytest
 
 from drivers.camera import Camera
+from drivers.contracts.camera import CameraContract
+from drivers.contracts.light import LightContract
+from drivers.contracts.stage import StageContract
 from drivers.light import Light
 from drivers.simulated.camera import SimulatedCamera
 from drivers.simulated.light import SimulatedLight
 from drivers.simulated.stage import SimulatedStage
 from drivers.simulated.world import World
 from drivers.stage import Stage
-from tests.contracts.camera import CameraContract
-from tests.contracts.light import LightContract
-from tests.contracts.stage import StageContract
 from tests.drivers.rigs import small_rig
 
 

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from drivers.contracts.light import LightContract
 from drivers.errors import DeviceLostError
 from drivers.light import Light
 from drivers.supervised_light import SupervisedLight, supervisor_command
-from tests.contracts.light import LightContract
 from tests.drivers.rigs import small_rig
 
 ROOT = Path(__file__).parents[2]

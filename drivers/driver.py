@@ -1,0 +1,75 @@
+"""What a driver says of itself: the kind of its devices, its settings, how to open one and how to find it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Literal
+
+from drivers.settings import DeviceSettings
+
+Kind = Literal["camera", "light", "stage"]
+
+
+class DeviceState(Enum):
+    """Whether a device that is attached can be used; the value is the word for it."""
+
+    FOUND = "found"
+    UNKNOWN = "unknown"
+    BUSY = "busy"
+    NO_PERMISSION = "no permission"
+
+
+@dataclass(frozen=True, slots=True)
+class FoundDevice:
+    """A device that is attached to this computer or its network.
+
+    Attributes
+    ----------
+    name : str
+        Make, model and serial number, as far as they are known.
+    where : str
+        E.g. a port, a USB address or an address in the network.
+    state : DeviceState
+    kind : str
+        ``"camera"``, ``"light"``, ``"stage"``; ``""`` where it is unknown.
+    driver : str
+        What ``driver`` in the rig file is for it; ``""`` where there is none.
+    remedy : str
+        What to do about its state; ``""`` where it can be used.
+    """
+
+    name: str
+    where: str
+    state: DeviceState
+    kind: str = ""
+    driver: str = ""
+    remedy: str = ""
+
+
+def _nothing_to_find() -> Iterable[FoundDevice]:
+    return ()
+
+
+@dataclass(frozen=True, slots=True)
+class Driver:
+    """What the entry-point group ``halfangle.drivers`` holds, one for each driver; the name there is ``KIND.NAME``.
+
+    Attributes
+    ----------
+    kind : {"camera", "light", "stage"}
+    settings : type of DeviceSettings
+        Of the table ``[KIND.device]``.
+    open : callable
+        Takes the settings and the whole table ``[KIND]`` (``serial_number``, a camera's ``width`` and ``height``);
+        returns the device, not yet connected. What belongs to a vendor is imported when it connects.
+    find : callable
+        Yields the devices of this driver that are attached. It changes nothing about any of them, and where what it
+        needs is not installed it yields nothing.
+    """
+
+    kind: Kind
+    settings: type[DeviceSettings]
+    open: Callable[[Any, Mapping[str, Any]], Any]
+    find: Callable[[], Iterable[FoundDevice]] = _nothing_to_find
