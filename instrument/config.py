@@ -122,4 +122,4 @@ def _rig_misfits(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     tables = data.get("boards")
     boards = [valid_or_none(BoardConfig, table) for table in tables] if isinstance(tables, list) else []
     well_formed = {i: board for i, board in enumerate(boards) if board is not None}
-    return rig_misfits(well_formed, valid_or_none(GeometryConfig, data.get("geometry")))
+    return rig_misfits(data, well_formed, valid_or_none(GeometryConfig, data.get("geometry")))

@@ -24,7 +24,7 @@ class Transport(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class ScpiSetting:
     """A number that a device holds.
 
     Attributes
@@ -86,7 +86,7 @@ class ScpiDialogue:
         """Return the answer to a question, which has to be 0 or 1."""
         return self.number(question) != 0.0
 
-    def set_verified(self, setting: Setting, value: float) -> float:
+    def set_verified(self, setting: ScpiSetting, value: float) -> float:
         """Set a number and return what the device reads back.
 
         Raises
@@ -105,7 +105,7 @@ class ScpiDialogue:
             )
         return held
 
-    def ensure(self, setting: Setting, value: float) -> None:
+    def ensure(self, setting: ScpiSetting, value: float) -> None:
         """Set a number as `set_verified` does, unless the device holds it already.
 
         For what a device may keep in a memory that wears out.

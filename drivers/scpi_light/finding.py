@@ -43,7 +43,7 @@ def _choice_message(address: UsbAddress, n_matching: int, found: list[str]) -> s
         return (
             f"no USB device {address}; found: {listed}. Look at its cable, its power, and the rig file's [light.device]"
         )
-    return f"{n_matching} USB devices {address}; found: {listed}. Set serial_number in the rig file's [light.device]"
+    return f"{n_matching} USB devices {address}; found: {listed}. Set serial_number in the rig file's [light]"
 
 
 def _devices(backend: Any) -> list[Any]:
