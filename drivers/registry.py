@@ -45,17 +45,9 @@ def known_drivers(kind: Kind) -> tuple[str, ...]:
     return (SIMULATED, *sorted(name.partition(".")[2] for name in _entries() if name.startswith(f"{kind}.")))
 
 
-def real_drivers() -> Iterator[tuple[str, Driver]]:
-    """Yield the name and the driver of every kind of real device.
-
-    Raises
-    ------
-    DriverNotFoundError
-        If one cannot be loaded.
-    """
-    for kind in KINDS:
-        for name in known_drivers(kind)[1:]:
-            yield name, find_driver(kind, name)
+def driver_names() -> Iterator[tuple[Kind, str]]:
+    """Yield the kind and the name of every driver of real devices."""
+    yield from ((kind, name) for kind in KINDS for name in known_drivers(kind)[1:])
 
 
 def find_driver(kind: Kind, name: str) -> Driver:
@@ -110,6 +102,8 @@ def open_devices(rig: Mapping[str, Any]) -> Devices:
     if is_simulated(rig):
         world, camera, light, stage = import_module("drivers.simulated.devices").open_simulated(rig)
         return Devices(camera, light, stage, world.clock)
+    # Its table is looked at here, since the supervisor could only die of it.
+    _settings("light", rig)
     supervised = SupervisedLight(supervisor_command({"light": rig["light"]}))
     return Devices(_opened("camera", rig), supervised, _opened("stage", rig))
 
@@ -177,9 +171,11 @@ def check_one_world(names: Mapping[Kind, str]) -> None:
 
 
 def _opened(kind: Kind, rig: Mapping[str, Any]) -> Any:
-    table = rig[kind]
-    driver = find_driver(kind, str(table["driver"]))
-    return driver.open(settings_from_table(driver.settings, table.get("device", {})), table)
+    return find_driver(kind, str(rig[kind]["driver"])).open(_settings(kind, rig), rig[kind])
+
+
+def _settings(kind: Kind, rig: Mapping[str, Any]) -> DeviceSettings:
+    return settings_from_table(find_driver(kind, str(rig[kind]["driver"])).settings, rig[kind].get("device", {}))
 
 
 @cache

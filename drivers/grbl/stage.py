@@ -72,6 +72,7 @@ class GrblStage:
             serial_number=self._firmware.label or usb_serial_number(port) or port,
             axes=tuple(axis.describe() for axis in self._settings.axes),
             firmware=self._firmware.build,
+            settings=tuple(self._firmware.read_back(self._settings.axes)),
         )
 
     def home(self) -> None:

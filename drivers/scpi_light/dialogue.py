@@ -6,7 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers.errors import DeviceError
+from drivers.errors import DeviceError, DeviceTimeoutError
+from drivers.limits import Limits
+from drivers.setting import Setting
 
 _NO_ERROR = 0
 # A queue of errors that is longer than this does not end.
@@ -112,6 +114,17 @@ class ScpiDialogue:
         """
         if not setting.agree(self.number(f"{setting.header}?"), value):
             self.set_verified(setting, value)
+
+    def read_back(self, setting: ScpiSetting) -> Setting:
+        """Return what the device holds and what it allows; without limits where it does not know the question."""
+        held = self.number(f"{setting.header}?")
+        try:
+            limits = Limits(self.number(f"{setting.header}? MIN"), self.number(f"{setting.header}? MAX"), setting.unit)
+        except DeviceTimeoutError:
+            # It has put an error into its queue instead of an answer.
+            self.command("*CLS")
+            limits = None
+        return Setting(setting.name, held, setting.unit, limits)
 
     def check_errors(self, after: str) -> None:
         """Empty the device's queue of errors.

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 from drivers.errors import DeviceError, UnsafeError
@@ -76,6 +77,8 @@ class ScpiLight:
             self._start_dark()
             self._dialogue.ensure(TERMINAL, self._settings.terminal)
             self._dialogue.ensure(CURRENT_LIMIT, self._settings.max_current_a)
+            held = tuple(self._dialogue.read_back(setting) for setting in (CURRENT_LIMIT, TERMINAL))
+            self._description = replace(self._description, settings=held)
         except BaseException:
             self._forget()
             raise

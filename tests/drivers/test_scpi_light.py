@@ -16,6 +16,7 @@ from drivers.errors import (
     DriverNotFoundError,
     UnsafeError,
 )
+from drivers.limits import Limits
 from drivers.scpi_light.light import ScpiLight
 from drivers.scpi_light.settings import ScpiLightSettings
 from drivers.scpi_light.usb_errors import UDEV_RULES
@@ -382,4 +383,30 @@ def test_what_it_says_of_its_protection_comes_through_the_supervisor() -> None:
     light.connect()
     with pytest.raises(UnsafeError, match=r"its interlock is open\. Close it"):
         light.on(0.5, 1.0)
+    light.disconnect()
+
+
+def test_it_tells_what_it_was_set_to_and_what_the_controller_allows() -> None:
+    light = ScpiLight(SETTINGS, "", UsbBus(UsbTmcDevice(Dc2200Double())))
+    light.connect()
+    limit, terminal = light.describe().settings
+    assert str(limit) == "the current limit 1 A (0 to 4)"
+    assert (terminal.value, terminal.limits) == (1.0, Limits(1.0, 2.0, ""))
+    light.disconnect()
+
+
+def test_a_controller_that_does_not_tell_its_limits_is_good_all_the_same() -> None:
+    controller = Dc2200Double()
+    controller.knows_its_limits = False
+    light = ScpiLight(ScpiLightSettings(max_current_a=1.0, answer_time_s=0.05), "", UsbBus(UsbTmcDevice(controller)))
+    light.connect()
+    assert [setting.limits for setting in light.describe().settings] == [None, None]
+    assert light.on(0.5, 1.0).lit
+    light.disconnect()
+
+
+def test_its_settings_come_through_the_supervisor() -> None:
+    light = supervised()
+    light.connect()
+    assert str(light.describe().settings[0]) == "the current limit 1 A (0 to 4)"
     light.disconnect()
