@@ -11,6 +11,7 @@ import shutil
 import socket
 import struct
 import subprocess
+import sys
 import tempfile
 import time
 from contextlib import closing
@@ -54,11 +55,15 @@ class FakeGenicam:
     ----------
     lost_per_thousand : int
         Packets of frames that it loses on purpose.
+    light : Path, optional
+        Record of the light that it sees; see `tests.drivers.lit_genicam`. By default it shows a ramp of its own.
     """
 
-    def __init__(self, lost_per_thousand: int = 0) -> None:
+    def __init__(self, lost_per_thousand: int = 0, light: Path | None = None) -> None:
         skip_without_aravis()
-        self._lost_per_thousand = lost_per_thousand
+        lit = [sys.executable, "-m", "tests.drivers.lit_genicam", SERIAL_NUMBER, str(light)]
+        ramp = [_PROGRAM, "-i", ADDRESS, "-s", SERIAL_NUMBER, "-r", str(lost_per_thousand)]
+        self._command = ramp if light is None else lit
         self._lock = FileLock(_LOCK, timeout=_LONGEST_WAIT)
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -81,9 +86,8 @@ class FakeGenicam:
         """Start it, and wait until it answers."""
         # It ends with the tests, however these end.
         die_with_parent = ["setpriv", "--pdeathsig", "KILL"] if shutil.which("setpriv") else []
-        command = [_PROGRAM, "-i", ADDRESS, "-s", SERIAL_NUMBER, "-r", str(self._lost_per_thousand)]
         self._process = subprocess.Popen(
-            [*die_with_parent, *command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            [*die_with_parent, *self._command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
         deadline = time.monotonic() + 5.0
         while SERIAL_NUMBER.encode() not in _reply(_DISCOVERY):
