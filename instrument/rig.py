@@ -149,6 +149,11 @@ class Rig:
         }
 
     @property
+    def settings(self) -> dict[str, list[str]]:
+        """What each connected device holds, as it reads back, in words."""
+        return {kind: [str(setting) for setting in d.describe().settings] for kind, d in self._devices.items()}
+
+    @property
     def _devices(self) -> dict[str, Light | Stage | Camera]:
         """By kind, in the order in which they are connected."""
         return {"light": self.light, "stage": self.stage, "camera": self.camera}
