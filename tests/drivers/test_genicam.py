@@ -219,24 +219,25 @@ class TestFailures:
 
 
 class TestFinding:
-    def test_a_camera_is_found_by_its_serial_number(self, fake: FakeGenicam):
-        table = {"serial_number": SERIAL_NUMBER, "width": WIDTH, "height": HEIGHT}
-        camera = DRIVER.open(DRIVER.settings(), table)
-        camera.connect()
-        assert camera.describe().serial_number == SERIAL_NUMBER
-        camera.disconnect()
-
-    def test_looking_for_cameras_says_which_can_be_used_and_takes_control_of_none(self, fake: FakeGenicam, monkeypatch):
+    def test_looking_says_which_can_be_used_and_takes_none_and_a_serial_number_leads_to_its_own(
+        self, fake: FakeGenicam, monkeypatch: pytest.MonkeyPatch
+    ):
+        listed = listed_cameras()
+        for module in (discovery, finding):
+            # Each look at the network takes a second.
+            monkeypatch.setattr(module, "listed_cameras", lambda: listed)
         (free,) = [each for each in DRIVER.find() if each.where == ADDRESS]
         assert (free.state, free.remedy) == (DeviceState.FOUND, "")
         assert SERIAL_NUMBER in free.name
         assert not is_controlled(ADDRESS)
-        listed = listed_cameras()
-        monkeypatch.setattr(discovery, "listed_cameras", lambda: listed)
-        SecondClient().close()
+        table = {"serial_number": SERIAL_NUMBER, "width": WIDTH, "height": HEIGHT}
+        camera = DRIVER.open(DRIVER.settings(), table)
+        camera.connect()
         (busy,) = [each for each in DRIVER.find() if each.where == ADDRESS]
         assert busy.state is DeviceState.BUSY
         assert "End the other program" in busy.remedy
+        assert camera.describe().serial_number == SERIAL_NUMBER
+        camera.disconnect()
 
     def test_without_any_camera_looking_takes_less_than_three_seconds(self):
         skip_without_aravis()
