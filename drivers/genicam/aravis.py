@@ -27,7 +27,7 @@ _HELP = (
 _N_BUFFERS = 3
 _MICROSECONDS = {"exposure_time": 1e6}
 # Names of before the naming convention 2 last.
-_NAMES = {"gain": ("Gain", "GainRaw"), "black_level": ("BlackLevel", "BlackLevelRaw"), "exposure_time": ()}
+_NAMES = {"gain": ("Gain", "GainRaw"), "black_level": ("BlackLevel", "BlackLevelRaw")}
 _TEMPERATURE, _FIRMWARES = "DeviceTemperature", ("DeviceFirmwareVersion", "DeviceVersion")
 # Nobody but Aravis knows the camera any more, or it does not answer in 5 tries of 0.5 s.
 _GONE = ("NOT_CONNECTED", "TIMEOUT", "NOT_FOUND", "TRANSFER_ERROR", "NOT_CONTROLLER", "PROTOCOL_ERROR_ACCESS_DENIED")
@@ -227,9 +227,9 @@ class AravisLink:
 
     def stop(self) -> None:
         """End any exposure, and wait for triggers no more; safe to call twice."""
-        if self._stream is None:
+        stream, self._stream = self._stream, None
+        if stream is None:
             return
-        self._stream = None
         with self._explained():
             camera = self._open()
             if camera.is_feature_available("AcquisitionAbort"):

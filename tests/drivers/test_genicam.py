@@ -128,6 +128,11 @@ class TestFrames:
         assert frame.sequence_number == 2
         assert (frame.counts[:, :-2] == first[:, 2:]).mean() > 0.95, "two frames after the first one"
 
+    @pytest.mark.slow
+    def test_the_camera_s_own_numbers_may_begin_anew(self, camera: GenicamCamera):
+        # It starts at 65400, and counts 16 bits.
+        assert [camera.trigger().sequence_number for _ in range(200)] == list(range(200))
+
     def test_an_exposure_is_ended_by_another_thread(self, fake: FakeGenicam, camera: GenicamCamera):
         camera.set_exposure_time(10.0)
         waiting = Event()
