@@ -196,6 +196,18 @@ class TestFailures:
         assert bounded.trigger().sequence_number == 0
         bounded.disconnect()
 
+    def test_a_camera_that_was_switched_off_and_on_is_lost_and_not_used_as_it_came_up(
+        self, fake: FakeGenicam, camera: GenicamCamera
+    ):
+        camera.set_exposure_time(0.02)
+        fake.kill()
+        fake.start()
+        with pytest.raises(DeviceLostError, match="not in our control any more"):
+            camera.trigger()
+        camera.disconnect()
+        camera.connect()
+        assert camera.trigger().sequence_number == 0
+
     def test_a_camera_that_another_program_has_is_refused_and_left_to_it(self, fake: FakeGenicam, monkeypatch):
         monkeypatch.setattr(finding, "CONTROL_PATIENCE", 0.0)
         other = SecondClient()
