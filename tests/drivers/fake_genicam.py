@@ -54,11 +54,13 @@ class FakeGenicam:
     ----------
     lost_per_thousand : int
         Packets of frames that it loses on purpose.
+    description : pathlib.Path, optional
+        What it delivers instead of its own; see `tests.drivers.modern_genicam`.
     """
 
-    def __init__(self, lost_per_thousand: int = 0) -> None:
+    def __init__(self, lost_per_thousand: int = 0, description: Path | None = None) -> None:
         skip_without_aravis()
-        self._lost_per_thousand = lost_per_thousand
+        self._options = ["-r", str(lost_per_thousand), *(["-g", str(description)] if description else [])]
         self._lock = FileLock(_LOCK, timeout=_LONGEST_WAIT)
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -81,7 +83,7 @@ class FakeGenicam:
         """Start it, and wait until it answers."""
         # It ends with the tests, however these end.
         die_with_parent = ["setpriv", "--pdeathsig", "KILL"] if shutil.which("setpriv") else []
-        command = [_PROGRAM, "-i", ADDRESS, "-s", SERIAL_NUMBER, "-r", str(self._lost_per_thousand)]
+        command = [_PROGRAM, "-i", ADDRESS, "-s", SERIAL_NUMBER, *self._options]
         self._process = subprocess.Popen(
             [*die_with_parent, *command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )

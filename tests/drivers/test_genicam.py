@@ -4,6 +4,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
+from pathlib import Path
 from threading import Event
 
 import pytest
@@ -17,6 +18,7 @@ from drivers.genicam.camera import GenicamCamera
 from drivers.genicam.discovery import find_cameras
 from drivers.genicam.driver import DRIVER
 from drivers.genicam.gige import is_controlled
+from drivers.limits import Limits
 from drivers.setting import Setting
 from instrument.bounded import COMMAND_LIMIT, FRAME_MARGIN, BoundedCamera
 from tests.drivers.fake_genicam import (
@@ -28,6 +30,7 @@ from tests.drivers.fake_genicam import (
     SecondClient,
     skip_without_aravis,
 )
+from tests.drivers.modern_genicam import TEMPERATURE, write_modern_description
 
 
 @pytest.fixture
@@ -101,6 +104,32 @@ class TestSettings:
         with pytest.raises(DeviceLimitError, match=r"exposure_time is 1e\+12 s; allowed is 1e-05 to 10 s"):
             camera.set_exposure_time(1e12)
         assert camera.trigger().exposure_time == before
+
+
+class TestTodaysCameras:
+    @pytest.fixture
+    def modern(self, tmp_path: Path) -> Iterator[FakeGenicam]:
+        with FakeGenicam():
+            write_modern_description(tmp_path / "modern.xml")
+        with FakeGenicam(description=tmp_path / "modern.xml") as fake:
+            yield fake
+
+    def test_names_units_and_automatics_of_today_are_understood(self, modern: FakeGenicam):
+        camera = modern.camera(pixel_format="Mono12", gain_db=2.5)
+        camera.connect()
+        found, settings = camera.describe(), settings_by_name(camera)
+        assert (found.bit_depth, found.saturation_level) == (12, 4095.0)
+        assert settings["gain"] == Setting("gain", 2.5, "dB", Limits(0.0, 24.0, "dB"))
+        assert settings["black_level"] == Setting("black_level", 0.0, "%", Limits(0.0, 12.0, "%"))
+        assert camera.set_exposure_time(0.0123) == pytest.approx(0.0123)
+        frame = camera.trigger()
+        assert (frame.counts.shape, frame.sensor_temperature) == ((HEIGHT, WIDTH), TEMPERATURE)
+        link = camera._link
+        assert link is not None
+        assert link.text("ExposureAuto") == "Off"
+        assert not link.flag("GammaEnable")
+        assert not link.flag("AcquisitionFrameRateEnable")
+        camera.disconnect()
 
 
 class TestFrames:
