@@ -276,7 +276,9 @@ class AravisLink:
     def _fault(self, buffer: Any, n_missing: int) -> str:
         status = buffer.get_status()
         if status != self._aravis.BufferStatus.SUCCESS:
-            return f"{n_missing} packets are missing (status {status.value_nick})"
+            # Aravis counts whatever should have come after the first one that is missing; at USB it does not count.
+            lacks = f"up to {n_missing} packets are missing" if n_missing else "not all of it arrived"
+            return f"{lacks} (status {status.value_nick})"
         came = (buffer.get_image_width(), buffer.get_image_height(), buffer.get_image_pixel_format())
         return "" if came == self._wanted else f"width, height and pixel format are {came}, not {self._wanted}"
 
