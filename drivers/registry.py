@@ -34,6 +34,7 @@ GROUP = "halfangle.drivers"
 """Entry-point group of drivers that other packages bring."""
 
 _OWN = {
+    "camera.genicam": "drivers.genicam.driver:DRIVER",
     "light.scpi": "drivers.scpi_light.driver:DRIVER",
     "light.serial": "drivers.serial_light.driver:DRIVER",
     "stage.grbl": "drivers.grbl.driver:DRIVER",

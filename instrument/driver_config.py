@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError, create_model
 
 from drivers.driver import Kind
 from drivers.errors import DeviceError, DriverNotFoundError
-from drivers.registry import KINDS, SIMULATED, check_one_world, settings_of
+from drivers.registry import KINDS, check_one_world, settings_of
 from instrument.config_problems import complaints, validate
 from instrument.toml_lines import KeyPath
 
@@ -34,8 +34,6 @@ def driver_misfits(tables: Mapping[str, Any]) -> Iterator[tuple[KeyPath, str]]:
         check_one_world(named)
     except DeviceError as error:
         yield ("camera", "driver"), str(error)
-    if "simulation" in tables and SIMULATED not in named.values():
-        yield ("simulation",), "the table [simulation] is for simulated devices, and these are real; remove it"
 
 
 def drivers_named(tables: Mapping[str, Any]) -> dict[Kind, str]:

@@ -11,6 +11,7 @@ import shutil
 import socket
 import struct
 import subprocess
+import sys
 import tempfile
 import time
 from contextlib import closing
@@ -54,13 +55,18 @@ class FakeGenicam:
     ----------
     lost_per_thousand : int
         Packets of frames that it loses on purpose.
-    description : pathlib.Path, optional
-        What it delivers instead of its own; see `tests.drivers.modern_genicam`.
+    light : Path, optional
+        Record of the light that it sees; see `tests.drivers.lit_genicam`. By default it shows a ramp of its own.
+    description : Path, optional
+        What it delivers instead of its own description; see `tests.drivers.modern_genicam`.
     """
 
-    def __init__(self, lost_per_thousand: int = 0, description: Path | None = None) -> None:
+    def __init__(self, lost_per_thousand: int = 0, light: Path | None = None, description: Path | None = None) -> None:
         skip_without_aravis()
-        self._options = ["-r", str(lost_per_thousand), *(["-g", str(description)] if description else [])]
+        lit = [sys.executable, "-m", "tests.drivers.lit_genicam", SERIAL_NUMBER, str(light)]
+        ramp = [_PROGRAM, "-i", ADDRESS, "-s", SERIAL_NUMBER, "-r", str(lost_per_thousand)]
+        described = ["-g", str(description)] if description else []
+        self._command = [*ramp, *described] if light is None else lit
         self._lock = FileLock(_LOCK, timeout=_LONGEST_WAIT)
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -83,9 +89,8 @@ class FakeGenicam:
         """Start it, and wait until it answers."""
         # It ends with the tests, however these end.
         die_with_parent = ["setpriv", "--pdeathsig", "KILL"] if shutil.which("setpriv") else []
-        command = [_PROGRAM, "-i", ADDRESS, "-s", SERIAL_NUMBER, *self._options]
         self._process = subprocess.Popen(
-            [*die_with_parent, *command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            [*die_with_parent, *self._command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
         deadline = time.monotonic() + 5.0
         while SERIAL_NUMBER.encode() not in _reply(_DISCOVERY):

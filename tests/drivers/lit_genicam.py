@@ -1,7 +1,7 @@
 """Aravis' own GigE Vision camera, looking at a sheet of paper: `python -m tests.drivers.lit_genicam SERIAL RECORD`.
 
-The camera is Aravis' own, network and all; only what fills its picture is not: a sheet that is as bright as the exposure
-time and the light tell, whose state stands in the last line of RECORD (see `tests.drivers.usb_site`).
+The camera is Aravis' own, network and all; only what fills its picture is not: a sheet that is as bright as the
+exposure time and the light tell, whose state stands in the last line of RECORD (see `tests.drivers.usb_site`).
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ ADDRESS = b"127.0.0.1"
 BLACK, RATE = 800.0, 2e6
 """Counts of darkness, and counts per second in full light, of 16 bits."""
 
+_MONO16 = 0x01100007  # of the GenICam Pixel Format Naming Convention
 _Fill = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint32, ctypes.c_uint32)
 
 
@@ -42,13 +43,15 @@ def main(serial_number: str, record: Path) -> None:
     aravis.arv_buffer_get_data.restype = ctypes.POINTER(ctypes.c_uint8)
 
     @_Fill
-    def fill(buffer: int, _: int, exposure_time_us: int, __: int, ___: int) -> None:
-        size, width, height = ctypes.c_size_t(), ctypes.c_int(), ctypes.c_int()
-        data = aravis.arv_buffer_get_data(ctypes.c_void_p(buffer), ctypes.byref(size))
-        region = [ctypes.c_int() for _ in range(2)] + [width, height]
+    def fill(buffer: int, _: int, exposure_time_us: int, __: int, pixel_format: int) -> None:
+        if pixel_format != _MONO16:
+            return  # and leave the picture black
+        region = [ctypes.c_int() for _ in range(4)]  # x, y, width, height
         aravis.arv_buffer_get_image_region(ctypes.c_void_p(buffer), *map(ctypes.byref, region))
-        counts = picture(height.value, width.value, exposure_time_us * 1e-6, level(record))
-        ctypes.memmove(data, counts.ctypes.data, min(size.value, counts.nbytes))
+        counts = picture(region[3].value, region[2].value, exposure_time_us * 1e-6, level(record))
+        # The size that it tells is that of what has been received, which is nothing yet.
+        data = aravis.arv_buffer_get_data(ctypes.c_void_p(buffer), ctypes.byref(ctypes.c_size_t()))
+        ctypes.memmove(data, counts.ctypes.data, counts.nbytes)
 
     camera = ctypes.c_void_p(aravis.arv_gv_fake_camera_new(ADDRESS, serial_number.encode()))
     inner = ctypes.c_void_p(aravis.arv_gv_fake_camera_get_fake_camera(camera))
