@@ -27,9 +27,11 @@ _HELP = (
 _N_BUFFERS = 3
 _MICROSECONDS = {"exposure_time": 1e6}
 # Names of before the naming convention 2 last.
-_NAMES = {"gain": ("Gain", "GainRaw"), "black_level": ("BlackLevel", "BlackLevelRaw"), "exposure_time": ()}
+_NAMES = {"gain": ("Gain", "GainRaw"), "black_level": ("BlackLevel", "BlackLevelRaw")}
+# A register of GigE Vision; 0 where nobody has control.
+_CONTROL_CHANNEL_PRIVILEGE = 0x0A00
 _TEMPERATURE, _FIRMWARES = "DeviceTemperature", ("DeviceFirmwareVersion", "DeviceVersion")
-# Nobody but Aravis knows the camera any more, or it does not answer in 5 tries of 0.5 s.
+# The camera is not there, answered none of 5 tries of 0.5 s, or is another program's.
 _GONE = ("NOT_CONNECTED", "TIMEOUT", "NOT_FOUND", "TRANSFER_ERROR", "NOT_CONTROLLER", "PROTOCOL_ERROR_ACCESS_DENIED")
 
 
@@ -91,14 +93,14 @@ class AravisLink:
         self._aravis = library()
         self._stream: Any = None
         self._camera: Any = None
-        self._wanted = (0, 0, 0)
+        self._wanted: tuple[int, int, int] | None = None
         self._is_lost = False
         self._name = f"the camera {address}"
         with self._explained():
             self._camera = self._aravis.Camera.new(address)
         with self._closed_on_failure():
             self._identity = self._identified()
-            self._check_control()
+            self.check_presence()
 
     @property
     def identity(self) -> Identity:
@@ -220,16 +222,17 @@ class AravisLink:
             if self._stream is None:
                 raise DeviceLostError(f"{self._name} gives no stream. Connect it again")
             region = camera.get_region()
-            self._wanted = (region.width, region.height, camera.get_pixel_format())
+            # The first time stands for all: nobody sets the camera between two streams.
+            self._wanted = self._wanted or (region.width, region.height, camera.get_pixel_format())
             for _ in range(_N_BUFFERS):
                 self._stream.push_buffer(self._aravis.Buffer.new_allocate(camera.get_payload()))
             camera.start_acquisition()
 
     def stop(self) -> None:
         """End any exposure, and wait for triggers no more; safe to call twice."""
-        if self._stream is None:
+        stream, self._stream = self._stream, None
+        if stream is None:
             return
-        self._stream = None
         with self._explained():
             camera = self._open()
             if camera.is_feature_available("AcquisitionAbort"):
@@ -258,13 +261,24 @@ class AravisLink:
     def check_presence(self) -> None:
         """Raise unless the camera answers and is still ours."""
         with self._explained():
-            self._open().get_region()
-        self._check_control()
+            if not self._open().is_gv_device():
+                self._open().get_region()
+                return
+            device = self._open().get_device()
+            is_ours = device.is_controller() and device.read_register(_CONTROL_CHANNEL_PRIVILEGE)
+        if not is_ours:
+            # One that was switched off and on is back at settings of its own.
+            raise DeviceLostError(
+                f"{self._name} is not in our control any more: it was switched off and on, or another program has it. "
+                "Connect it again"
+            )
 
     def _fault(self, buffer: Any, n_missing: int) -> str:
         status = buffer.get_status()
         if status != self._aravis.BufferStatus.SUCCESS:
-            return f"{n_missing} packets are missing (status {status.value_nick})"
+            # Aravis counts whatever should have come after the first one that is missing; at USB it does not count.
+            lacks = f"up to {n_missing} packets are missing" if n_missing else "not all of it arrived"
+            return f"{lacks} (status {status.value_nick})"
         came = (buffer.get_image_width(), buffer.get_image_height(), buffer.get_image_pixel_format())
         return "" if came == self._wanted else f"width, height and pixel format are {came}, not {self._wanted}"
 
@@ -278,12 +292,6 @@ class AravisLink:
                 serial_number=camera.get_device_serial_number() or "",
                 firmware=next(firmwares, ""),
             )
-
-    def _check_control(self) -> None:
-        """Raise if another program may set this camera, and we may not."""
-        device = self._open().get_device()
-        if self._open().is_gv_device() and not device.is_controller():
-            raise DeviceLostError(f"{self._name} is not ours to control. End the other program, and connect again")
 
     def _open(self) -> Any:
         if self._camera is None:

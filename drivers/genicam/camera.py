@@ -150,6 +150,7 @@ class GenicamCamera:
 
     def _make_ready(self, link: GenicamLink) -> None:
         """Wait for triggers, with no frame waiting that somebody might take for the next one."""
+        link.check_presence()
         if not self._is_armed:
             link.start()
             self._last_id = None

@@ -57,13 +57,16 @@ class FakeGenicam:
         Packets of frames that it loses on purpose.
     light : Path, optional
         Record of the light that it sees; see `tests.drivers.lit_genicam`. By default it shows a ramp of its own.
+    description : Path, optional
+        What it delivers instead of its own description; see `tests.drivers.modern_genicam`.
     """
 
-    def __init__(self, lost_per_thousand: int = 0, light: Path | None = None) -> None:
+    def __init__(self, lost_per_thousand: int = 0, light: Path | None = None, description: Path | None = None) -> None:
         skip_without_aravis()
         lit = [sys.executable, "-m", "tests.drivers.lit_genicam", SERIAL_NUMBER, str(light)]
         ramp = [_PROGRAM, "-i", ADDRESS, "-s", SERIAL_NUMBER, "-r", str(lost_per_thousand)]
-        self._command = ramp if light is None else lit
+        described = ["-g", str(description)] if description else []
+        self._command = [*ramp, *described] if light is None else lit
         self._lock = FileLock(_LOCK, timeout=_LONGEST_WAIT)
         self._process: subprocess.Popen[bytes] | None = None
 

@@ -4,6 +4,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
+from pathlib import Path
 from threading import Event
 
 import pytest
@@ -17,6 +18,7 @@ from drivers.genicam.camera import GenicamCamera
 from drivers.genicam.discovery import find_cameras
 from drivers.genicam.driver import DRIVER
 from drivers.genicam.gige import is_controlled
+from drivers.limits import Limits
 from drivers.setting import Setting
 from instrument.bounded import COMMAND_LIMIT, FRAME_MARGIN, BoundedCamera
 from tests.drivers.fake_genicam import (
@@ -28,6 +30,7 @@ from tests.drivers.fake_genicam import (
     SecondClient,
     skip_without_aravis,
 )
+from tests.drivers.modern_genicam import TEMPERATURE, write_modern_description
 
 
 @pytest.fixture
@@ -103,6 +106,32 @@ class TestSettings:
         assert camera.trigger().exposure_time == before
 
 
+class TestTodaysCameras:
+    @pytest.fixture
+    def modern(self, tmp_path: Path) -> Iterator[FakeGenicam]:
+        with FakeGenicam():
+            write_modern_description(tmp_path / "modern.xml")
+        with FakeGenicam(description=tmp_path / "modern.xml") as fake:
+            yield fake
+
+    def test_names_units_and_automatics_of_today_are_understood(self, modern: FakeGenicam):
+        camera = modern.camera(pixel_format="Mono12", gain_db=2.5)
+        camera.connect()
+        found, settings = camera.describe(), settings_by_name(camera)
+        assert (found.bit_depth, found.saturation_level) == (12, 4095.0)
+        assert settings["gain"] == Setting("gain", 2.5, "dB", Limits(0.0, 24.0, "dB"))
+        assert settings["black_level"] == Setting("black_level", 0.0, "%", Limits(0.0, 12.0, "%"))
+        assert camera.set_exposure_time(0.0123) == pytest.approx(0.0123)
+        frame = camera.trigger()
+        assert (frame.counts.shape, frame.sensor_temperature) == ((HEIGHT, WIDTH), TEMPERATURE)
+        link = camera._link
+        assert link is not None
+        assert link.text("ExposureAuto") == "Off"
+        assert not link.flag("GammaEnable")
+        assert not link.flag("AcquisitionFrameRateEnable")
+        camera.disconnect()
+
+
 class TestFrames:
     def test_each_trigger_gives_one_frame_and_none_comes_by_itself(self, camera: GenicamCamera):
         numbers, pictures = [], []
@@ -127,6 +156,11 @@ class TestFrames:
         frame = camera.trigger()
         assert frame.sequence_number == 2
         assert (frame.counts[:, :-2] == first[:, 2:]).mean() > 0.95, "two frames after the first one"
+
+    @pytest.mark.slow
+    def test_the_camera_s_own_numbers_may_begin_anew(self, camera: GenicamCamera):
+        # It starts at 65400, and counts 16 bits.
+        assert [camera.trigger().sequence_number for _ in range(200)] == list(range(200))
 
     def test_an_exposure_is_ended_by_another_thread(self, fake: FakeGenicam, camera: GenicamCamera):
         camera.set_exposure_time(10.0)
@@ -191,6 +225,18 @@ class TestFailures:
         assert bounded.trigger().sequence_number == 0
         bounded.disconnect()
 
+    def test_a_camera_that_was_switched_off_and_on_is_lost_and_not_used_as_it_came_up(
+        self, fake: FakeGenicam, camera: GenicamCamera
+    ):
+        camera.set_exposure_time(0.02)
+        fake.kill()
+        fake.start()
+        with pytest.raises(DeviceLostError, match="not in our control any more"):
+            camera.trigger()
+        camera.disconnect()
+        camera.connect()
+        assert camera.trigger().sequence_number == 0
+
     def test_a_camera_that_another_program_has_is_refused_and_left_to_it(self, fake: FakeGenicam, monkeypatch):
         monkeypatch.setattr(finding, "CONTROL_PATIENCE", 0.0)
         other = SecondClient()
@@ -219,24 +265,25 @@ class TestFailures:
 
 
 class TestFinding:
-    def test_a_camera_is_found_by_its_serial_number(self, fake: FakeGenicam):
-        table = {"serial_number": SERIAL_NUMBER, "width": WIDTH, "height": HEIGHT}
-        camera = DRIVER.open(DRIVER.settings(), table)
-        camera.connect()
-        assert camera.describe().serial_number == SERIAL_NUMBER
-        camera.disconnect()
-
-    def test_looking_for_cameras_says_which_can_be_used_and_takes_control_of_none(self, fake: FakeGenicam, monkeypatch):
+    def test_looking_says_which_can_be_used_and_takes_none_and_a_serial_number_leads_to_its_own(
+        self, fake: FakeGenicam, monkeypatch: pytest.MonkeyPatch
+    ):
+        listed = listed_cameras()
+        for module in (discovery, finding):
+            # Each look at the network takes a second.
+            monkeypatch.setattr(module, "listed_cameras", lambda: listed)
         (free,) = [each for each in DRIVER.find() if each.where == ADDRESS]
         assert (free.state, free.remedy) == (DeviceState.FOUND, "")
         assert SERIAL_NUMBER in free.name
         assert not is_controlled(ADDRESS)
-        listed = listed_cameras()
-        monkeypatch.setattr(discovery, "listed_cameras", lambda: listed)
-        SecondClient().close()
+        table = {"serial_number": SERIAL_NUMBER, "width": WIDTH, "height": HEIGHT}
+        camera = DRIVER.open(DRIVER.settings(), table)
+        camera.connect()
         (busy,) = [each for each in DRIVER.find() if each.where == ADDRESS]
         assert busy.state is DeviceState.BUSY
         assert "End the other program" in busy.remedy
+        assert camera.describe().serial_number == SERIAL_NUMBER
+        camera.disconnect()
 
     def test_without_any_camera_looking_takes_less_than_three_seconds(self):
         skip_without_aravis()

@@ -1,5 +1,6 @@
 """What the GenICam driver makes of settings, formats and frames, without Aravis."""
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -281,9 +282,12 @@ class TestFrames:
     def test_no_frame_is_a_loss_where_it_does_not(self, link: LinkDouble, monkeypatch):
         monkeypatch.setattr(camera, "FRAME_MARGIN", 0.05)
         device = connected(link)
-        link.trigger, link.is_there = lambda: None, False
+        # It takes the trigger, and is gone.
+        monkeypatch.setattr(link, "trigger", lambda: setattr(link, "is_there", False))
+        begin = time.monotonic()
         with pytest.raises(DeviceLostError):
             device.trigger()
+        assert time.monotonic() - begin >= 0.05
 
     def test_the_sensor_s_temperature_is_passed_on(self, link: LinkDouble):
         link.warmth = 41.5
