@@ -156,7 +156,8 @@ install_for_cameras() {
     if [ -n "$(missing_camera_packages "$venv_python")" ]; then return; fi
     pip_install --require-hashes -r constraints-genicam-build.txt &&
         PATH=$here/.venv/bin:$PATH pip_install --require-hashes --no-deps --no-build-isolation -r constraints-genicam.txt ||
-        echo "setup: PyGObject could not be built, see above: no GenICam cameras. All else is ready." >&2
+        echo "setup: PyGObject could not be built, see above: no GenICam cameras, all else is ready." \
+            "To try again: rm .venv/ready, then make setup." >&2
 }
 
 install() {
