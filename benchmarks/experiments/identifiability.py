@@ -120,9 +120,9 @@ def _ours(rows: list[Row], worst: dict[str, float]) -> str:
 
 def _why(rows: list[Row], *, exact: bool) -> str:
     return (
-        f"All parameters must come back to {EXACT:g} without noise; they {'do' if exact else 'do not'}. The text of the "
-        "supplement has Ward's slope as 1 / beta^2: its equation gives -1 / beta^2, which is what the line has. Of Cook "
-        "and Torrance only rho_s f0 is seen at theta_d = 0, not the two apart. The diffuse term of Ashikhmin and Shirley "
+        f"All parameters must come back to {EXACT:g} without noise; they {'do' if exact else 'do not'}. The supplement "
+        "writes Ward's slope as 1 / beta^2: its equation gives -1 / beta^2, which is what the line has. Of Cook and "
+        "Torrance only rho_s f0 is seen at theta_d = 0, not the two apart. The diffuse term of Ashikhmin and Shirley "
         "vanishes at 90 deg; its limit over its shape is what is taken. "
         f"Broken (over {100 * BROKEN:.0f} %) with 1 % noise: {_broken(rows, CLOSED_FORM, 0.01)} in closed form; "
         f"{_broken(rows, NON_LINEAR, 0.01)} by least squares. The truths are the models themselves, not fits to MERL."
@@ -195,7 +195,7 @@ def _figure(path: Path, seed: int) -> Path:
             ax.set_title(model.name)
             ax.set_xlabel(label)
         axes[0, 0].set_ylabel("log of the lobe, made linear")
-        axes[0, 0].legend()
+        axes[0, 0].legend(fontsize=6, framealpha=0.6)
     return path
 
 
@@ -216,7 +216,7 @@ def _draw_lines(axes: Axes, model: SliceModel, seed: int) -> None:
         axes.plot(
             x_noisy[shown], y_noisy[shown], ".", color=colour, alpha=0.5, label=f"2 % noise, {_width(model, truth)}"
         )
-        axes.plot(x[keep], y[keep], "-", color=colour, linewidth=2.5, alpha=0.4, label="truth")
+        axes.plot(x[keep], y[keep], "-", color=colour, linewidth=2.5, alpha=0.4)
         axes.plot(x[keep], slope * x[keep] + intercept, "--", color="black", label=f"line: {found[2]:.3g}")
 
 

@@ -94,9 +94,9 @@ def _why(rows: list[Row], size: Size, steepest: dict[tuple[str, str], float], *,
         f"of images to the power of -{STEEPEST} over two steps of that number; the steepest powers are "
         f"{-steepest[NORMAL, 'mean']:.2f} and {-steepest[OURS, 'median']:.2f}. (The mean of BRDFs, whose power is "
         f"{-steepest[OURS, 'mean']:.2f}, is that of the few whose highlight is missed.) {size.n_normals} normals a "
-        f"material within {WIDEST_NORMAL_DEG:.0f} deg, {size.n_brdf} draws for the BRDF, {100 * NOISE:.0f} % noise; the "
-        "supplement takes 100 and shows errors in plots only. Half angles of real images, with normals given, say much "
-        f"less of narrow highlights: the RMS log-cosine of the BRDF is then {_logarithmic(rows)}."
+        f"material within {WIDEST_NORMAL_DEG:.0f} deg, {size.n_brdf} draws for the BRDF, {100 * NOISE:.0f} % noise; "
+        "the supplement takes 100 and shows errors in plots only. Half angles of real images, with normals given, say "
+        f"much less of narrow highlights: the RMS log-cosine of the BRDF is then {_logarithmic(rows)}."
         + ("" if measured else " Fits are smoother than measurements.")
     )
 
