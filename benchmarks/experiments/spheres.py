@@ -185,14 +185,14 @@ class _Completed:
 
 
 def _row(source: str, rendered: Rendered, i_light: int) -> Row:
-    return {
+    row: Row = {
         "materials": source,
         "material": rendered.material.name,
         "category": rendered.material.category,
         "theta_d_deg": LIGHTS_DEG[i_light],
         "psnr_db": rendered.psnr[i_light],
-        "psnr_of_other_fit_db": rendered.other_fit_psnr[i_light] if rendered.other_fit_psnr else float("nan"),
     }
+    return row | {"psnr_of_other_fit_db": rendered.other_fit_psnr[i_light]} if rendered.other_fit_psnr else row
 
 
 def _ours(found: list[Rendered]) -> str:
