@@ -38,6 +38,10 @@ class Reply:
     flag: str
 
 
+class _NotKnownError(DeviceError):
+    """A command or a setting that a device does not have."""
+
+
 class ZaberLink:
     """An open port with a chain of devices behind it.
 
@@ -84,7 +88,7 @@ class ZaberLink:
         """Return a setting of an axis; NaN where the axis does not have it."""
         try:
             return float(self.ask(f"get {setting}", address, axis_number).data)
-        except ValueError:
+        except (_NotKnownError, ValueError):
             return float("nan")
 
     def flags(self, reply: Reply, address: int, axis_number: int) -> tuple[str, ...]:
@@ -121,16 +125,22 @@ class ZaberLink:
         try:
             yield
         except errors.RequestTimeoutException:
+            # A request that is under way when the port goes ends so too.
+            if not self._connection.is_open:
+                raise self._lost("it was closed") from None
             raise DeviceTimeoutError(
                 f"no answer from {whom} at {self._port} within {_ANSWER_LIMIT_MS / 1000.0:g} s. "
                 "Look at its power, its cable and baud_rate"
             ) from None
         except gone as error:
-            raise DeviceLostError(
-                f"{self._port} is gone ({error.message}). Look at the cable and the power, then connect again"
-            ) from None
+            raise self._lost(error.message) from None
+        except errors.BadCommandException as error:
+            raise _NotKnownError(f"{self._port}: {error.message}") from None
         except errors.MotionLibException as error:
             raise DeviceError(f"{self._port}: {error.message}") from None
+
+    def _lost(self, why: str) -> DeviceLostError:
+        return DeviceLostError(f"{self._port} is gone ({why}). Look at the cable and the power, then connect again")
 
 
 def _imported(module: str) -> Any:

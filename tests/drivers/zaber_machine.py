@@ -74,7 +74,7 @@ class AxisMachine:
         self.profile = Profile(now, start, target - start - self.loses_steps, rate, ramp)
 
     def home(self, now: float) -> None:
-        self.move(now, 0.0, "limit.approach.maxspeed")
+        self.move(now, 0.0, min(("maxspeed", "limit.approach.maxspeed"), key=lambda name: self.settings.get(name, 1e9)))
         self.homing = True
 
     def stop(self, now: float) -> None:
