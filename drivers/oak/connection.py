@@ -134,7 +134,8 @@ def _running(sdk: Any, device: Any, settings: OakSettings, width: int, height: i
     frames = camera.raw.createOutputQueue(maxSize=_QUEUE_LENGTH, blocking=False)
     pipeline.start()
     # What runs on the device is part of the SDK.
-    identity = Identity(str(device.getDeviceName()), str(device.getDeviceId()), f"depthai {sdk.__version__}")
+    model = device.getProductName() or device.getDeviceName() or "OAK"
+    identity = Identity(str(model), str(device.getDeviceId()), f"depthai {sdk.__version__}")
     return Connection(sdk, identity, pipeline, controls, frames, device.close)
 
 

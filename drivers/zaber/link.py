@@ -65,7 +65,6 @@ class ZaberLink:
         # Opened and closed again by pyserial first: it tells why a port cannot be opened, and who has it locked.
         SerialPort(port, baud_rate, 0.0).close()
         self._connection = self._opened(port, baud_rate)
-        self._connection.checksum_enabled = True
         self._connection.default_request_timeout = _ANSWER_LIMIT_MS
 
     def ask(self, command: str, address: int, axis_number: int = 0) -> Reply:

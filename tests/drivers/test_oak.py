@@ -3,6 +3,7 @@ import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from operator import attrgetter
 from threading import Event
 from typing import Any
 
@@ -26,7 +27,10 @@ from drivers.oak.finding import chosen, find_oak
 from drivers.oak.messages import FrameFacts, counts, set_controls
 from drivers.oak.raw import counts_from_bytes
 from drivers.oak.sdk import depthai
+from drivers.oak.settings import OakSettings
+from drivers.settings import settings_from_table
 from instrument.bounded import BoundedCamera
+from tests.drivers.device_page import toml_of_page
 from tests.drivers.oak_double import HEIGHT, SDK, WIDTH, OakDouble, packed, scene, settings_of
 
 COMMANDS = SDK.CameraControl.Command
@@ -123,6 +127,37 @@ class TestFinding:
     def test_the_sdk_tells_nobody_what_it_does(self):
         assert os.environ["DEPTHAI_TELEMETRY"] == "0"
         assert os.environ["DEPTHAI_DISABLE_FEEDBACK"] == "1"
+
+
+class TestOpening:
+    """Short of a camera, that the SDK has what opens one."""
+
+    @pytest.mark.parametrize(
+        "name",
+        [
+            "Device.close",
+            "Device.getConnectedCameraFeatures",
+            "Device.getDeviceId",
+            "Device.getDeviceName",
+            "Device.getProductName",
+            "Device.setMaxReconnectionAttempts",
+            "CameraBoardSocket.CAM_D",
+            "node.Camera.build",
+            "node.Camera.initialControl",
+            "node.Camera.inputControl",
+            "node.Camera.raw",
+        ],
+    )
+    def test_the_sdk_has_what_is_called(self, name: str):
+        assert attrgetter(name)(SDK) is not None
+
+    def test_the_sensor_is_built_with_its_mode(self):
+        assert "boardSocket" in SDK.node.Camera.build.__doc__
+        assert "sensorResolution" in SDK.node.Camera.build.__doc__
+        assert "sensorFps" in SDK.node.Camera.build.__doc__
+
+    def test_a_pipeline_belongs_to_a_device(self):
+        assert "defaultDevice: depthai.Device" in SDK.Pipeline.__init__.__doc__
 
 
 class TestModes:
@@ -373,6 +408,12 @@ class TestSettings:
         assert np.isnan(described.read_noise)
         assert described.exposure_time_limits.high == 0.1
         assert list(map(str, described.settings)) == ["iso 100 ISO", "white_balance 5000 K", "frame_rate 9 Hz"]
+
+    def test_the_page_shows_a_table_that_the_driver_takes(self):
+        table = toml_of_page('driver = "oak"')["camera"]
+        settings = settings_from_table(OakSettings, table["device"])
+        assert (settings.lens_position, settings.clipping_count) == (130, 1023.0)
+        assert DRIVER.open(settings, table) is not None
 
     def test_the_longest_exposure_fits_into_a_frame(self):
         for longest in (0.001, 0.03, 0.1, 0.5):

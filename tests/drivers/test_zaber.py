@@ -28,6 +28,7 @@ from drivers.zaber.flags import BLOCKING, NOTES, blocked
 from drivers.zaber.settings import ZaberSettings
 from drivers.zaber.stage import ZaberStage
 from instrument.bounded import BoundedStage
+from tests.drivers.device_page import toml_of_page
 from tests.drivers.zaber_double import ZaberDouble
 from tests.drivers.zaber_stages import TILT, TURN, settings_of, skip_without_zaber
 
@@ -373,6 +374,10 @@ class TestSettings:
             "baud_rate",
         ):
             assert part in text
+
+    def test_the_page_shows_a_table_that_the_driver_takes(self):
+        settings = settings_from_table(ZaberSettings, toml_of_page('driver = "zaber"')["stage"]["device"])
+        assert [axis.place for axis in settings.axes] == [(1, 1), (2, 1)]
 
     def test_two_axes_cannot_be_one(self, double: ZaberDouble):
         with pytest.raises(ValidationError, match=r"the name of two axes is tilt; two axes are axis 1 of device 1"):

@@ -40,4 +40,5 @@ def settings_of(double: ZaberDouble, **changes: Any) -> ZaberSettings:
 
 def skip_without_zaber() -> None:
     """Skip, visibly, where the library is not installed."""
-    pytest.importorskip("zaber_motion", reason='zaber-motion is not installed: pip install "halfangle[zaber]"')
+    reason = 'zaber-motion is not installed: pip install "halfangle[zaber]"'
+    pytest.importorskip("zaber_motion", reason=reason, exc_type=ImportError)
