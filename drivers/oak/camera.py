@@ -18,9 +18,8 @@ from drivers.oak.messages import FrameFacts, counts, now, set_controls
 from drivers.oak.settings import OakSettings
 from drivers.setting import Setting, confirm
 
-_FIRST_EXPOSURE_TIME = 0.01  # seconds
 _TICK = 1e-6  # seconds: exposure times are whole ones
-_SETTLING_FRAMES = 10  # that a new exposure may take until frames tell it
+_OTHER_FRAMES = 10  # after which a camera that tells other values than were asked for is believed
 _SETTLING_LIMIT = 4.0  # seconds; a command has five
 _FRAME_MARGIN = 2.0  # seconds that a frame may take besides two at full length
 
@@ -55,7 +54,8 @@ class OakCamera:
         self._open_connection = open_connection
         self._clock = clock or RealClock()
         self._connection: Connection | None = None
-        self._exposure_time = min(_FIRST_EXPOSURE_TIME, settings.longest_exposure_s)
+        self._exposure_time = settings.longest_exposure_s
+        self._told = float("nan")  # exposure time of the last frame, seconds
         self._white_balance_k = 0
         self._n_triggers, self._n_stops, self._last_number = 0, 0, -1
 
@@ -72,9 +72,10 @@ class OakCamera:
         if self._connection is not None:
             return
         self._connection = self._open_connection(self._settings, self._serial_number, self._width, self._height)
-        self._n_triggers, self._last_number = 0, -1
+        self._n_triggers, self._last_number, self._told = 0, -1, float("nan")
         try:
-            self.set_exposure_time(min(_FIRST_EXPOSURE_TIME, self._settings.longest_exposure_s))
+            # What its sensor was started with.
+            self.set_exposure_time(self._settings.longest_exposure_s)
         except BaseException:
             self._close()
             raise
@@ -122,7 +123,7 @@ class OakCamera:
             asked = round(exposure_time / _TICK) * _TICK
             since = now(connection.sdk)
             connection.send(set_controls(connection.sdk, connection.sdk.CameraControl(), self._settings, asked))
-            _, facts = self._frame(connection, since, asked, _SETTLING_LIMIT)
+            _, facts = self._frame(connection, since, asked, _SETTLING_LIMIT, self._told)
         # A sensor exposes whole lines; what it made of the time is told, and what is far off is no answer to it.
         confirm("exposure_time", asked, facts.exposure_time, max(0.02 * asked, 5e-5), "s")
         confirm("iso", self._settings.iso, facts.iso, 0.0, "ISO")
@@ -174,12 +175,20 @@ class OakCamera:
             connection.close()
 
     def _frame(
-        self, connection: Connection, since: float, exposure_time: float, seconds: float
+        self,
+        connection: Connection,
+        since: float,
+        exposure_time: float,
+        seconds: float,
+        exposure_before: float = float("nan"),
     ) -> tuple[Any, FrameFacts]:
-        """Return the first frame that began after `since` and tells this exposure time, or the last one of several."""
+        """Return the first frame that began after `since` and tells this exposure time, or else the last one.
+
+        A frame that tells the exposure before only shows that a control has not arrived yet.
+        """
         n_stops, deadline = self._n_stops, self._clock.now() + seconds
-        found, n_fresh = None, 0
-        while n_fresh < _SETTLING_FRAMES and self._clock.now() < deadline:
+        found, n_others = None, 0
+        while n_others < _OTHER_FRAMES and self._clock.now() < deadline:
             message = connection.next_frame(LONGEST_NAP)
             if self._n_stops != n_stops:
                 raise DeviceError("the exposure was stopped. Trigger again for a frame.")
@@ -189,14 +198,15 @@ class OakCamera:
             # A frame that was begun before, or that came once already, shows another scene than is meant.
             if facts.began < since or facts.sequence_number <= self._last_number:
                 continue
-            found, n_fresh = (message, facts), n_fresh + 1
+            found = (message, facts)
             if self._tells(facts, exposure_time):
                 break
+            n_others += facts.exposure_time != exposure_before
         if found is None:
             raise DeviceTimeoutError(
                 f"no new frame of the OAK camera within {seconds:.1f} s. Look at its cable; then connect again"
             )
-        self._last_number = found[1].sequence_number
+        self._last_number, self._told = found[1].sequence_number, found[1].exposure_time
         return found
 
     def _tells(self, facts: FrameFacts, exposure_time: float) -> bool:

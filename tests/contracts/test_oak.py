@@ -8,4 +8,4 @@ from tests.drivers.oak_double import OakDouble
 class TestOakCamera(CameraContract):
     @pytest.fixture
     def camera(self) -> Camera:
-        return OakDouble().camera()
+        return OakDouble().camera(longest_exposure_s=0.015)

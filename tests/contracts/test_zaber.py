@@ -16,8 +16,6 @@ class TestZaberStage(StageContract):
     def double(self, request: pytest.FixtureRequest) -> Iterator[ZaberDouble]:
         # Who looks at the clock gets devices that live by it, and take their time; the others need not wait.
         with ZaberDouble(1.0 if "now" in request.fixturenames else 200.0) as double:
-            for axis in double.axes.values():
-                axis.settings["maxspeed"] /= 2.0
             yield double
 
     @pytest.fixture

@@ -65,7 +65,7 @@ class SensorNode(SDK.node.ThreadedHostNode):
         self.iso_told: int | None = None
         self.temperature: float | None = None
         self.received: list[Any] = []
-        self._exposure_us, self._iso, self._kelvin = 5000, 400, 3000
+        self.exposure_us, self._iso, self._kelvin = 30_000, 100, 5000  # what it is started with
         self._pending: deque[tuple[int, Any]] = deque()
 
     def run(self) -> None:
@@ -79,7 +79,7 @@ class SensorNode(SDK.node.ThreadedHostNode):
 
     def frame(self, number: int) -> Any:
         frame = SDK.ImgFrame()
-        counts = scene(self._exposure_us)
+        counts = scene(self.exposure_us)
         data = packed(counts) if self.packs else counts.view(np.uint8).ravel()
         frame.setType(SDK.ImgFrame.Type.RAW10 if self.packs else SDK.ImgFrame.Type.RAW16)
         frame.setSize(WIDTH, HEIGHT)
@@ -88,7 +88,7 @@ class SensorNode(SDK.node.ThreadedHostNode):
         frame.setSequenceNum(number)
         frame.setTimestamp(SDK.Clock.now())
         told = frame.cam
-        told.exposureTimeUs, told.wbColorTemp = self._exposure_us, self._kelvin
+        told.exposureTimeUs, told.wbColorTemp = self.exposure_us, self._kelvin
         told.sensitivityIso = self._iso if self.iso_told is None else self.iso_told
         told.sensorTemperatureC = self.temperature
         frame.cam = told
@@ -102,7 +102,7 @@ class SensorNode(SDK.node.ThreadedHostNode):
             control = self._pending.popleft()[1]
             if self.heeds:
                 lines = round(control.getExposureTime().total_seconds() * 1e6 / self.line_us)
-                self._exposure_us = max(1, lines) * self.line_us
+                self.exposure_us = max(1, lines) * self.line_us
                 self._iso, self._kelvin = control.getSensitivity(), control.wbColorTemp
 
 
@@ -117,6 +117,7 @@ class OakDouble:
         assert (width, height) == (WIDTH, HEIGHT)
         self.pipeline = SDK.Pipeline(False)
         self.sensor = self.pipeline.create(SensorNode)
+        self.sensor.exposure_us = round(settings.longest_exposure_s * 1e6)
         for name, value in self.faults.items():
             setattr(self.sensor, name, value)
         controls = self.sensor.control.createInputQueue()

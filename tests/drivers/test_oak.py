@@ -205,7 +205,7 @@ class TestControls:
     def test_each_exposure_is_sent_to_the_sensor(self, camera: OakCamera, double: OakDouble):
         camera.set_exposure_time(0.002)
         sent = [control.getExposureTime().total_seconds() for control in double.sensor.received]
-        assert sent == [0.01, 0.002]
+        assert sent == [0.03, 0.002]
 
 
 class TestRawFrames:
@@ -288,7 +288,7 @@ class TestFrames:
         assert frame.sensor_temperature == 41.5
 
     def test_frames_of_the_exposure_before_are_passed_over(self, double: OakDouble):
-        double.faults = {"delay": 8}
+        double.faults = {"delay": 15}
         camera = double.camera()
         camera.connect()
         for exposure_time in (0.001, 0.004, 0.001):
@@ -313,10 +313,18 @@ class TestFrames:
         camera.disconnect()
 
     def test_a_camera_that_ignores_its_controls_is_found_out_when_it_connects(self, double: OakDouble):
-        double.faults = {"heeds": False}
-        with pytest.raises(DeviceError, match=r"exposure_time was set to 0\.01 s and reads back 0\.005 s"):
+        double.faults = {"heeds": False, "exposure_us": 5000}
+        with pytest.raises(DeviceError, match=r"exposure_time was set to 0\.03 s and reads back 0\.005 s"):
             double.camera().connect()
         assert double.n_closed == 1
+
+    def test_a_camera_that_ignores_a_control_is_given_up_in_time(
+        self, camera: OakCamera, double: OakDouble, monkeypatch
+    ):
+        monkeypatch.setattr(camera_module, "_SETTLING_LIMIT", 0.2)
+        double.sensor.heeds = False
+        with pytest.raises(DeviceError, match=r"exposure_time was set to 0\.001 s and reads back 0\.03 s"):
+            camera.set_exposure_time(0.001)
 
     def test_another_sensitivity_than_was_asked_for_is_refused(self, camera: OakCamera, double: OakDouble):
         double.sensor.iso_told = 800
@@ -327,7 +335,7 @@ class TestFrames:
 
     def test_an_exposure_that_changes_by_itself_is_refused(self, camera: OakCamera, double: OakDouble):
         double.sensor.control.send(set_controls(SDK, SDK.CameraControl(), settings_of(), 0.02))
-        with pytest.raises(DeviceError, match=r"exposure_time was set to 0\.01 s and reads back 0\.02 s"):
+        with pytest.raises(DeviceError, match=r"exposure_time was set to 0\.03 s and reads back 0\.02 s"):
             frames(camera, 20)
 
     def test_a_frame_that_comes_again_is_not_another_one(self, camera: OakCamera, double: OakDouble, monkeypatch):

@@ -16,6 +16,8 @@ from contextlib import suppress
 
 from tests.drivers.zaber_machine import AxisMachine
 
+_TICK = 0.005  # seconds
+_LONGEST_TICK = 0.02  # seconds that count at most: a busy computer slows the devices down with everything else
 # Microsteps; 1000 of them are a degree, 30 degrees per second, 200 per second squared.
 _AXIS = {
     "limit.min": -200_000.0,
@@ -52,7 +54,8 @@ class ZaberDouble:
         self.silent = False
         self.n_spoiled = 0  # so many replies from now get a wrong checksum
         self.speaks_grbl = False
-        self._pace, self._began = pace, time.monotonic()
+        self.time = 0.0  # seconds in which an axis moved: what a busy computer does later takes none of it
+        self._pace = pace
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         self.port = os.ttyname(self._slave)
@@ -65,11 +68,6 @@ class ZaberDouble:
 
     def __exit__(self, *_: object) -> None:
         self.unplug()
-
-    @property
-    def time(self) -> float:
-        """Seconds of the devices."""
-        return self._pace * (time.monotonic() - self._began)
 
     def unplug(self) -> None:
         self._ended.set()
@@ -86,9 +84,14 @@ class ZaberDouble:
         return [command for command in self.received if command.startswith(start)]
 
     def _live(self) -> None:
-        line = b""
+        line, last = b"", time.monotonic()
         while not self._ended.is_set():
-            if not select.select([self._master], [], [], 0.005)[0]:
+            has_bytes = select.select([self._master], [], [], _TICK)[0]
+            now = time.monotonic()
+            if self.moves():
+                self.time += self._pace * min(now - last, _LONGEST_TICK)
+            last = now
+            if not has_bytes:
                 continue
             line += os.read(self._master, 1024)
             *lines, line = line.split(b"\n")
