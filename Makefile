@@ -42,11 +42,17 @@ format: setup ## let ruff put the files in order
 	$(BIN)/ruff check --fix-only .
 	$(BIN)/ruff format .
 
-constraints: setup ## pin every dependency with its hashes, from pyproject.toml
-	CUSTOM_COMPILE_COMMAND="make constraints" $(BIN)/pip-compile --quiet --upgrade --generate-hashes \
-		--no-emit-index-url --no-emit-trusted-host --no-emit-find-links \
-		--extra dev --extra gui --build-deps-for editable --allow-unsafe --strip-extras --no-annotate \
-		--output-file constraints.txt pyproject.toml
+PIN = CUSTOM_COMPILE_COMMAND="make constraints" $(BIN)/pip-compile --quiet --upgrade --generate-hashes \
+	--no-emit-index-url --no-emit-trusted-host --no-emit-find-links --strip-extras --no-annotate
+
+constraints: setup ## pin every dependency with its hashes, from pyproject.toml; needs what GenICam cameras need
+	$(PIN) --extra dev --extra gui --build-deps-for editable --allow-unsafe --output-file constraints.txt pyproject.toml
+	@# Built without Cairo, which draws, and which no camera needs.
+	echo 'PyGObject<3.51' | $(PIN) --unsafe-package pycairo --output-file constraints-genicam.txt -
+	sed -i -e 's/^pygobject==[^ ]*/& --config-settings=setup-args=-Dpycairo=disabled/' -e '/^# WARNING/,$$d' \
+		constraints-genicam.txt
+	printf '%s\n' meson meson-python ninja | \
+		$(PIN) --constraint constraints.txt --output-file constraints-genicam-build.txt -
 
 clean: ## remove caches, builds and the demo; keeps .venv
 	rm -rf demo build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

@@ -15,6 +15,9 @@ from instrument.validation import LINE_BREAK, InvalidInputError, printable
 # name -> (module:command, help line). The help lines stand here so that `--help` imports no command.
 COMMANDS = {
     "demo": ("cli.demo:demo", "Simulated rig to scored report, in one go."),
+    "devices": ("cli.devices:devices", "What is attached, and whether it can be used."),
+    "rig": ("cli.devices:rig", "Look at the devices of a rig."),
+    "driver-test": ("cli.devices:driver_test", "Run the tests that every driver passes on a rig's devices."),
     "plan": ("cli.capture:plan", "Dry run of a protocol: poses, frames, time, bytes."),
     "capture": ("cli.capture:capture", "Capture a protocol on a rig into a session."),
     "resume": ("cli.capture:resume", "Go on with an interrupted session."),
@@ -26,6 +29,7 @@ COMMANDS = {
     "report": ("cli.reconstruction:report", "One HTML page of a result."),
     "dictionary": ("cli.dictionary:dictionary", "The BRDF dictionaries that are built in."),
     "bench": ("cli.bench:bench", "Accuracy and speed on simulated scenes, against a reference."),
+    "reproduce": ("cli.reproduce:reproduce", "The paper's experiments, ours against what it states."),
     "console": ("cli.console:console", "The operator's window."),
 }
 

@@ -32,20 +32,20 @@ class FoundDevice:
     where : str
         E.g. a port, a USB address or an address in the network.
     state : DeviceState
-    kind : str
-        ``"camera"``, ``"light"``, ``"stage"``; ``""`` where it is unknown.
-    driver : str
-        What ``driver`` in the rig file is for it; ``""`` where there is none.
     remedy : str
         What to do about its state; ``""`` where it can be used.
+    kind : str
+        ``"camera"``, ``"light"``, ``"stage"``; ``""`` where it is unknown. `drivers.discovery` fills it in, like
+    driver : str
+        What ``driver`` in the rig file is for it; ``""`` where it is unknown.
     """
 
     name: str
     where: str
     state: DeviceState
+    remedy: str = ""
     kind: str = ""
     driver: str = ""
-    remedy: str = ""
 
 
 def _nothing_to_find() -> Iterable[FoundDevice]:
@@ -65,8 +65,8 @@ class Driver:
         Takes the settings and the whole table ``[KIND]`` (``serial_number``, a camera's ``width`` and ``height``);
         returns the device, not yet connected. What belongs to a vendor is imported when it connects.
     find : callable
-        Yields the devices of this driver that are attached. It changes nothing about any of them, and where what it
-        needs is not installed it yields nothing.
+        Yields the devices of this driver that are attached, and changes nothing about any of them. Raises
+        `drivers.errors.DriverNotFoundError` where what it needs is not installed.
     """
 
     kind: Kind

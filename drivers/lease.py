@@ -47,5 +47,5 @@ def check_lease(max_seconds: float, longest: float = math.inf) -> None:
     if max_seconds > longest:
         raise DeviceLimitError(
             f"max_seconds is {max_seconds:g} s; allowed is up to {longest:g} s. "
-            "Shorten the bracket, or set longest_lease of the light in the rig file."
+            "Shorten the bracket, or set longest_lease_s in the rig file's [light.device]."
         )

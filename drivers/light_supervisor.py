@@ -97,7 +97,10 @@ class _Supervisor:
         try:
             value = self._acts[request["act"]](*request.get("arguments", ()))
         except DeviceError as error:
-            return {"error": type(error).__name__, "message": str(error)}
+            return {"error": _known_name(error), "message": str(error)}
+        # A driver of somebody else may fail in any way; this process has to outlive it, to switch off.
+        except Exception as error:
+            return {"error": DeviceError.__name__, "message": f"the light's driver failed: {error!r}"}
         return {"value": None if value is None else asdict(value)}
 
     def _on(self, level: float, max_seconds: float) -> Any:
@@ -112,6 +115,11 @@ class _Supervisor:
         if not state.lit:
             self._lease_end = None
         return state
+
+
+def _known_name(error: DeviceError) -> str:
+    """Return the class of an error that the other process knows too."""
+    return next(kind.__name__ for kind in type(error).__mro__ if kind.__module__ == DeviceError.__module__)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import Any
 
 from drivers.errors import DeviceError, DeviceLostError, DeviceTimeoutError, DriverNotFoundError
+from drivers.serial_discovery import holder
 
 _WRITE_LIMIT = 2.0  # seconds
 _MENDS = {
@@ -14,10 +15,9 @@ _MENDS = {
     errno.ENXIO: "There is nothing at that port. Plug the device in, look at its cable and power",
     errno.EACCES: "You have no permission. Join the group that owns the port (on Debian: sudo usermod -aG dialout "
     "$USER), log out and in again",
-    errno.EBUSY: "Another program uses the port. Close it (fuser names it)",
-    errno.EAGAIN: "Another program uses the port. Close it (fuser names it)",
     errno.ENOTTY: "That is no serial port. Correct the port's name",
 }
+_BUSY = (errno.EBUSY, errno.EAGAIN)
 _UNKNOWN_MEND = "Look at the cable and the port's name"
 
 
@@ -107,13 +107,19 @@ def _opened(name: str, baud_rate: int, poll: float) -> Any:
         # Exclusive: two programs on one port would each read half of the answers.
         return serial.Serial(name, baud_rate, timeout=poll, write_timeout=_WRITE_LIMIT, exclusive=True)
     except (OSError, ValueError) as error:
-        raise DeviceError(f"cannot open {name}. {_mend(error)}. Ports here: {_listed(port_names())}.") from None
+        raise DeviceError(f"cannot open {name}. {_mend(name, error)}. Ports here: {_listed(port_names())}.") from None
 
 
-def _mend(error: Exception) -> str:
+def _mend(name: str, error: Exception) -> str:
     # A termios.error, which pyserial wraps, carries its number in the text only.
-    number = getattr(error, "errno", None) or next((n for n in _MENDS if f"({n}, " in str(error)), None)
+    number = getattr(error, "errno", None) or next((n for n in (*_MENDS, *_BUSY) if f"({n}, " in str(error)), None)
+    if number in _BUSY:
+        return f"Another program uses the port{_in_brackets(holder(name))}. Close it"
     return _MENDS.get(number or 0, f"{_UNKNOWN_MEND} ({error})")
+
+
+def _in_brackets(words: str) -> str:
+    return f" ({words})" if words else ""
 
 
 def _listed(names: tuple[str, ...]) -> str:

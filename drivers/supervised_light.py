@@ -6,6 +6,7 @@ For a light that has no time limit itself: `drivers.light_supervisor` owns its p
 from __future__ import annotations
 
 import json
+import math
 import os
 import select
 import subprocess
@@ -15,13 +16,15 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from drivers import errors
 from drivers.errors import DeviceError, DeviceLostError, DeviceTimeoutError
 from drivers.light import LightDescription, LightState
-from drivers.limits import Limits
 
 # Seconds for an answer; opening a port may take longer.
 _ANSWER_LIMIT, _CONNECT_LIMIT = 4.0, 50.0
+_DESCRIPTION = TypeAdapter(LightDescription)
 
 
 def supervisor_command(rig: Mapping[str, Any]) -> list[str]:
@@ -73,15 +76,17 @@ class SupervisedLight:
 
     def describe(self) -> LightDescription:
         """Return what the connected light is."""
-        values = self._ask("describe")
-        return LightDescription(**{**values, "level_limits": Limits(**values["level_limits"])})
+        return _DESCRIPTION.validate_python(self._ask("describe"))
 
     def on(self, level: float, max_seconds: float) -> LightState:
         """Shine at `level` for at most `max_seconds`, then go dark unless told again."""
         return LightState(**self._ask("on", level, max_seconds))
 
     def off(self) -> LightState:
-        """Go dark and confirm it."""
+        """Go dark and confirm it; safe to call at any time."""
+        if self._process is None:
+            # Without a supervisor nobody has switched it on, or the last one has switched it off.
+            return LightState(lit=False, level=0.0, monitor=math.nan, temperature=math.nan)
         return LightState(**self._ask("off"))
 
     def read(self) -> LightState:

@@ -8,8 +8,10 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
+from drivers.registry import SIMULATED
 from instrument.board_config import BoardConfig
 from instrument.config_problems import complaints, valid_or_none, validate
+from instrument.driver_config import drivers_named
 from instrument.protocol_config import ProtocolConfig
 from instrument.rig_config import GeometryConfig, RigConfig, rig_misfits
 from instrument.settings import SettingsFile
@@ -119,7 +121,9 @@ def _decode(content: bytes, path: Path) -> str:
 
 
 def _rig_misfits(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
+    if "simulation" in data and SIMULATED not in drivers_named(data).values():
+        yield ("simulation",), "the table [simulation] is for simulated devices, and these are real; remove it"
     tables = data.get("boards")
     boards = [valid_or_none(BoardConfig, table) for table in tables] if isinstance(tables, list) else []
     well_formed = {i: board for i, board in enumerate(boards) if board is not None}
-    return rig_misfits(well_formed, valid_or_none(GeometryConfig, data.get("geometry")))
+    yield from rig_misfits(data, well_formed, valid_or_none(GeometryConfig, data.get("geometry")))

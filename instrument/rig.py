@@ -79,8 +79,38 @@ class Rig:
 
         Parameters
         ----------
-        config, devices
-            As for `open`.
+        config, devices, cancel, note
+            As for `held`.
+
+        Raises
+        ------
+        DeviceError
+            With every device that fails to connect, not only the first.
+        RigBusyError
+            If another process holds the rig.
+        """
+        with cls.held(config, devices, cancel, note) as rig:
+            rig.connect()
+            rig.check_serial_numbers(config.serial_numbers)
+            with rig._leaving_safe():
+                yield rig
+
+    @classmethod
+    @contextmanager
+    def held(
+        cls,
+        config: RigConfig,
+        devices: OpenDevices = open_devices,
+        cancel: Event | None = None,
+        note: Note = _forget,
+    ) -> Iterator[Rig]:
+        """Keep other processes off the rig; connect nothing yet, and disconnect everything on the way out.
+
+        Parameters
+        ----------
+        config : RigConfig
+        devices : callable
+            Takes the configuration's tables and returns the devices.
         cancel : threading.Event, optional
             Becomes `Rig.cancel`.
         note : callable, optional
@@ -93,12 +123,9 @@ class Rig:
         """
         with hold(config.name), ExitStack() as stack:
             rig = cls._bounded(config, devices, cancel or Event(), note)
-            for device in (rig.light, rig.stage, rig.camera):
+            for device in rig._devices.values():
                 stack.callback(_disconnect, device)
-                device.connect()
-            rig.check_serial_numbers(config.serial_numbers)
-            with rig._leaving_safe():
-                yield rig
+            yield rig
 
     @classmethod
     def _bounded(cls, config: RigConfig, devices: OpenDevices, cancel: Event, note: Note) -> Rig:
@@ -120,6 +147,33 @@ class Rig:
             "light": self.light.describe().serial_number,
             "stage": self.stage.describe().serial_number,
         }
+
+    @property
+    def settings(self) -> dict[str, list[str]]:
+        """What each connected device holds, as it reads back, in words."""
+        return {kind: [str(setting) for setting in d.describe().settings] for kind, d in self._devices.items()}
+
+    @property
+    def _devices(self) -> dict[str, Light | Stage | Camera]:
+        """By kind, in the order in which they are connected."""
+        return {"light": self.light, "stage": self.stage, "camera": self.camera}
+
+    def connect(self) -> None:
+        """Open every device.
+
+        Raises
+        ------
+        DeviceError
+            With every one that fails: its own error where it is the only one.
+        """
+        failures: dict[str, DeviceError] = {}
+        for kind, device in self._devices.items():
+            try:
+                device.connect()
+            except DeviceError as error:
+                failures[kind] = error
+        if failures:
+            raise _joined(failures)
 
     def check_serial_numbers(self, expected: Mapping[str, str]) -> None:
         """Refuse devices that were swapped.
@@ -151,10 +205,9 @@ class Rig:
         DeviceError
             If one does not come back, or another came in its place.
         """
-        for device in (self.camera, self.stage, self.light):
+        for device in reversed(self._devices.values()):
             _disconnect(device)
-        for device in (self.light, self.stage, self.camera):
-            device.connect()
+        self.connect()
         self.check_serial_numbers(expected)
 
     def wait(self, seconds: float) -> None:
@@ -199,6 +252,16 @@ class Rig:
         failures = self.safe()
         if failures:
             raise DeviceError(f"the rig could not be made safe: {'; '.join(failures)}")
+
+
+def _joined(failures: Mapping[str, DeviceError]) -> DeviceError:
+    """Return the one error as it is; several as one, which is unsafe if one of them is."""
+    errors = list(failures.values())
+    if len(errors) == 1:
+        return errors[0]
+    worst = UnsafeError if any(isinstance(error, UnsafeError) for error in errors) else DeviceError
+    lines = (f"{kind}: {error}" for kind, error in failures.items())
+    return worst("\n  ".join([f"{len(errors)} devices cannot be used:", *lines]))
 
 
 def _attempt(name: str, step: Callable[[], object]) -> Iterator[str]:

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from drivers.registry import SIMULATED
 from instrument.board_config import BoardConfig, Rectangle
 from instrument.board_misfits import board_misfits
+from instrument.driver_config import driver_misfits, drivers_named
 from instrument.settings import NonNegative, Positive, Settings, SettingsFile, Vector
 from instrument.toml_lines import KeyPath
 
-Driver = Literal["simulated"]
+Driver = Annotated[str, Field(min_length=1, description="which driver talks to it")]
+DeviceTable = Annotated[dict[str, Any], Field(default_factory=dict, description="the driver's own settings")]
 Share = Annotated[float, Field(ge=0, lt=1)]
 
 
 class CameraConfig(Settings):
     """`[camera]`: the driver and the lens."""
 
-    driver: Driver = Field(description="which driver talks to the camera")
+    driver: Driver
+    device: DeviceTable
     serial_number: str | None = Field(default=None, description="the one device allowed; any if not given")
     width: int = Field(ge=16, le=16384, multiple_of=2, description="pixels across a raw frame")
     height: int = Field(ge=16, le=16384, multiple_of=2, description="pixels down a raw frame")
@@ -29,7 +33,8 @@ class CameraConfig(Settings):
 class LightConfig(Settings):
     """`[light]`: the driver, where the light stands, how bright it shines."""
 
-    driver: Driver = Field(description="which driver talks to the light")
+    driver: Driver
+    device: DeviceTable
     serial_number: str | None = Field(default=None, description="the one device allowed; any if not given")
     offset_mm: Vector = Field(description="from the lens, in the camera frame (x right, y down, z forward), mm")
     offset_sigma_mm: Positive = Field(description="standard deviation of each part of offset_mm, mm")
@@ -44,7 +49,8 @@ class LightConfig(Settings):
 class StageConfig(Settings):
     """`[stage]`: the driver."""
 
-    driver: Driver = Field(description="which driver talks to the stage")
+    driver: Driver
+    device: DeviceTable
     serial_number: str | None = Field(default=None, description="the one device allowed; any if not given")
 
 
@@ -102,17 +108,36 @@ class RigConfig(SettingsFile):
 
     @model_validator(mode="after")
     def _parts_fit(self) -> RigConfig:
-        misfits = [text for _, text in rig_misfits(dict(enumerate(self.boards)), self.geometry)]
+        tables = self.model_dump(exclude_unset=True)
+        misfits = [text for _, text in rig_misfits(tables, dict(enumerate(self.boards)), self.geometry)]
         if misfits:
             raise ValueError("; ".join(misfits))
         return self
 
 
-def rig_misfits(boards: Mapping[int, BoardConfig], geometry: GeometryConfig | None) -> Iterator[tuple[KeyPath, str]]:
-    """Yield where and why tables that are well formed by themselves do not fit each other."""
+def rig_misfits(
+    tables: Mapping[str, Any], boards: Mapping[int, BoardConfig], geometry: GeometryConfig | None
+) -> Iterator[tuple[KeyPath, str]]:
+    """Yield where and why tables that are well formed by themselves do not fit each other, or their drivers.
+
+    Parameters
+    ----------
+    tables : mapping
+        The file as it was parsed.
+    boards : mapping
+        Those of its boards that are well formed, by their place in the file.
+    geometry : GeometryConfig or None
+        If that is well formed.
+    """
+    yield from driver_misfits(tables)
     yield from board_misfits(boards, None if geometry is None else geometry.rectangle, "geometry.area_mm")
+    if SIMULATED in drivers_named(tables).values():
+        yield from _not_drawn(boards)
+
+
+def _not_drawn(boards: Mapping[int, BoardConfig]) -> Iterator[tuple[KeyPath, str]]:
+    """Yield what the simulated devices, which draw the boards themselves, cannot draw."""
     for i, board in boards.items():
-        # The one driver that there is draws its boards itself.
         if board.kind != "charuco":
             yield ("boards", i, "kind"), f"boards[{i}].kind is {board.kind!r}; the simulated rig shows 'charuco' only"
         if board.corner_mm is None:

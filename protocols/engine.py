@@ -135,7 +135,7 @@ def resume(
         begun = replace(session.begun, landmark=None) if accept_moved else session.begun
         with Recorder(session.path) as recorder:
             audit.begin()
-            audit.note("resumed", n_complete=len(begun.complete), accept_moved=accept_moved)
+            audit.note("resumed", n_complete=len(begun.complete), accept_moved=accept_moved, settings=rig.settings)
             return Run(rig, recorder, audit, session.plan, session.path, begun, control, progress).run()
 
 
@@ -154,7 +154,13 @@ def _create(rig: Rig, prepared: Prepared, path: Path) -> None:
 
 
 def _note_begin(audit: AuditLog, rig: Rig, prepared: Prepared, metered: Metered | None) -> None:
-    audit.note("begun", serial_numbers=rig.serial_numbers, plan=prepared.plan.sha256, warnings=prepared.warnings)
+    audit.note(
+        "begun",
+        serial_numbers=rig.serial_numbers,
+        settings=rig.settings,
+        plan=prepared.plan.sha256,
+        warnings=prepared.warnings,
+    )
     if metered is not None:
         audit.note(
             "metered",

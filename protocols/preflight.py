@@ -16,6 +16,7 @@ from protocols.plan import Plan
 def preflight_problems(rig: Rig, plan: Plan) -> Iterator[Problem]:
     """Yield what the connected devices cannot do of a plan."""
     yield from _axis_problems(rig, plan)
+    yield from _size_problems(rig)
     limits = rig.camera.describe().exposure_time_limits
     for exposure_time in plan.exposure_times:
         remedy = "Drop that step from the bracket or change the aperture."
@@ -33,6 +34,13 @@ def space_problems(rig: Rig, plan: Plan, path: Path) -> Iterator[Problem]:
         check_space(path, plan.bytes(camera.height, camera.width))
     except InsufficientSpaceError as error:
         yield Problem(str(path), str(error.strerror))
+
+
+def _size_problems(rig: Rig) -> Iterator[Problem]:
+    camera, stated = rig.camera.describe(), rig.config.camera
+    if (camera.width, camera.height) != (stated.width, stated.height):
+        what = f"the camera delivers {camera.width} x {camera.height} pixels; [camera] says"
+        yield Problem("camera.width", f"{what} {stated.width} x {stated.height}. Correct the rig file or the region.")
 
 
 def _axis_problems(rig: Rig, plan: Plan) -> Iterator[Problem]:

@@ -291,7 +291,7 @@ class Run:
             raise fault from (None if fault is error else error)
         state = State.PAUSED if finish is Finish.PAUSED else State.SAFE
         self._report(state, str(error))
-        return self._outcome(finish, f"{str(error) or finish.value}. {self._how_to_go_on}")
+        return self._outcome(finish, f"{_sentence(str(error) or finish.value)} {self._how_to_go_on}")
 
     def _leave(self, finish: Finish, error: BaseException) -> None:
         """Write what waits, and close; what fails on the way is kept for the message."""
@@ -320,9 +320,9 @@ class Run:
         """Return the error to raise, with how to go on."""
         self._report(State.FAULT, str(error))
         if isinstance(error, OSError) and not isinstance(error, DeviceError):
-            return OSError(error.errno, f"{error.strerror or error}. {self._how_to_go_on}")
+            return OSError(error.errno, f"{_sentence(error.strerror or str(error))} {self._how_to_go_on}")
         if isinstance(error, DeviceError | CancelledError | PausedError | KeyboardInterrupt):
-            return CaptureFaultError(f"{str(error) or 'interrupted'}. {self._how_to_go_on}")
+            return CaptureFaultError(f"{_sentence(str(error) or 'interrupted')} {self._how_to_go_on}")
         error.add_note(self._how_to_go_on)
         return error
 
@@ -373,3 +373,7 @@ def _finish_of(error: BaseException) -> Finish:
     if isinstance(error, PausedError | KeyboardInterrupt | DeviceLostError | DeviceTimeoutError):
         return Finish.PAUSED
     return Finish.FAULT
+
+
+def _sentence(text: str) -> str:
+    return text if text.endswith((".", "?", "!")) else f"{text}."

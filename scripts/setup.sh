@@ -25,6 +25,15 @@ fontconfig fc-list
 fonts-dejavu-core /usr/share/fonts/truetype/dejavu/DejaVuSans.ttf
 '
 
+# The same for cameras (GenICam, through Aravis), and for building PyGObject, which has no wheels.
+camera_needs='
+gir1.2-aravis-0.8 /usr/lib/*/girepository-1.0/Aravis-0.8.typelib
+aravis-tools arv-fake-gv-camera-0.8
+libgirepository1.0-dev /usr/lib/*/pkgconfig/gobject-introspection-1.0.pc
+pkg-config pkg-config
+gcc gcc
+'
+
 fail() {
     echo "setup: $*" >&2
     exit 1
@@ -52,7 +61,8 @@ find_python() {
 
 # What this .venv was made from. Its place counts too: its scripts and the editable install hold the path.
 fingerprint() {
-    cat pyproject.toml constraints.txt scripts/setup.sh | cksum
+    cat pyproject.toml constraints*.txt scripts/setup.sh | cksum
+    echo "missing for cameras:$(missing "$camera_needs")"
     version_of "$venv_python"
     echo "$here"
 }
@@ -68,13 +78,15 @@ is_ready() {
 is_present() {
     case $1 in
     *.so.*) ldconfig -p | grep -qF "$1" ;;
-    /*) [ -e "$1" ] ;;
+    # shellcheck disable=SC2086 # a star stands for the processor's name
+    /*) ls $1 >/dev/null 2>&1 ;;
     *) command -v "$1" >/dev/null ;;
     esac
 }
 
-missing_gui_packages() {
-    echo "$gui_needs" | while read -r package sign; do
+# Packages of a list whose sign is not there.
+missing() {
+    echo "$1" | while read -r package sign; do
         if [ -n "$package" ] && ! is_present "$sign"; then printf ' %s' "$package"; fi
     done
 }
@@ -84,6 +96,18 @@ missing_venv_package() {
     python3.*) echo " $1-venv" ;;
     *) echo " python3-venv" ;;
     esac
+}
+
+headers_package() {
+    "$1" -c 'import os, sys, sysconfig
+sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))' || case $1 in
+    python3.*) echo " $1-dev" ;;
+    *) echo " python3-dev" ;;
+    esac
+}
+
+missing_camera_packages() {
+    echo "$(missing "$camera_needs")$(headers_package "$1")"
 }
 
 apt_install() {
@@ -96,7 +120,7 @@ apt_install() {
 
 see_to_system_packages() {
     needed=$(missing_venv_package "$1")
-    wanted=$(missing_gui_packages)
+    wanted=$(missing "$gui_needs")
     if [ -z "$needed$wanted" ]; then return; fi
     if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
         apt_install "$needed$wanted" || [ -z "$needed" ] || fail "apt-get could not install$needed; see above."
@@ -107,6 +131,15 @@ see_to_system_packages() {
     echo "setup: the window and its tests need libraries that are missing. To have them: $line" >&2
 }
 
+# Cameras are an extra: whatever is missing for them is said, and nothing else waits for it.
+see_to_camera_packages() {
+    wanted=$(missing_camera_packages "$1")
+    if [ -z "$wanted" ]; then return; fi
+    if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null && apt_install "$wanted"; then return; fi
+    echo "setup: GenICam cameras and their tests need packages that are missing. To have them:" \
+        "sudo apt-get install$wanted" >&2
+}
+
 # A .venv that runs this Python, with a pip of its own, at this place, can be brought up to date.
 is_usable() {
     runs_this "$1" &&
@@ -114,13 +147,27 @@ is_usable() {
         grep -qF "$here/.venv/" .venv/bin/pip
 }
 
+pip_install() {
+    "$venv_python" -m pip install -q --disable-pip-version-check "$@"
+}
+
+# Python's way to Aravis. It is built here, once, within seconds, by tools that are pinned as well.
+install_for_cameras() {
+    if [ -n "$(missing_camera_packages "$venv_python")" ]; then return; fi
+    pip_install --require-hashes -r constraints-genicam-build.txt &&
+        PATH=$here/.venv/bin:$PATH pip_install --require-hashes --no-deps --no-build-isolation -r constraints-genicam.txt ||
+        echo "setup: PyGObject could not be built, see above: no GenICam cameras, all else is ready." \
+            "To try again: rm .venv/ready, then make setup." >&2
+}
+
 install() {
     rm -f "$stamp"
     is_usable "$1" || "$1" -m venv --clear .venv
     echo "setup: installing into .venv (about a minute and 0.9 GB the first time)"
-    "$venv_python" -m pip install -q --disable-pip-version-check --require-hashes -r constraints.txt
+    pip_install --require-hashes -r constraints.txt
     # The build backend is pinned in constraints.txt as well, so nothing arrives that has no hash.
-    "$venv_python" -m pip install -q --disable-pip-version-check --no-build-isolation --no-deps -e .
+    pip_install --no-build-isolation --no-deps -e .
+    install_for_cameras
     fingerprint >"$stamp.new"
     mv "$stamp.new" "$stamp"
 }
@@ -128,5 +175,6 @@ install() {
 if is_ready; then exit 0; fi
 python=$(find_python)
 see_to_system_packages "$python"
+see_to_camera_packages "$python"
 install "$python"
 echo "setup: ready ($(version_of "$venv_python"))"

@@ -19,7 +19,12 @@ from instrument.pictures.importing import load_capture
 from protocols.python_protocol import load_any_protocol
 
 ROOT = Path(__file__).parent.parent
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "examples" / "driver_package" / "README.md",
+    *sorted((ROOT / "docs").rglob("*.md")),
+]
 COMMAND_LINES = sorted(
     {
         line.strip()
@@ -56,8 +61,9 @@ def test_links_between_pages_lead_somewhere(page: Path) -> None:
 
 
 def test_the_examples_are_valid() -> None:
-    assert load_rig(ROOT / "examples" / "simulated.toml").name
-    others = {"simulated.toml", "faults.toml"}
+    for name in ("simulated.toml", "real_rig.toml"):
+        assert load_rig(ROOT / "examples" / name).name
+    others = {"simulated.toml", "real_rig.toml", "faults.toml"}
     protocols = [path for path in (ROOT / "examples").glob("*.*") if path.name not in others]
     assert len(protocols) >= 8
     for protocol in protocols:

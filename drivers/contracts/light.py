@@ -34,6 +34,13 @@ class LightContract:
         light.disconnect()
         light.disconnect()
 
+    def test_can_be_told_to_go_dark_at_any_time(self, light: Light) -> None:
+        assert not light.off().lit
+        light.connect()
+        light.on(1.0, 10.0)
+        light.disconnect()
+        assert not light.off().lit
+
     def test_is_dark_when_it_connects(self, connected: Light) -> None:
         assert not connected.read().lit
 

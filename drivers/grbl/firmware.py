@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from drivers.errors import DeviceError
 from drivers.grbl.settings import GrblAxis, GrblSettings
+from drivers.setting import Setting
 
 _SETTING = re.compile(r"\$(\d{1,3})=(-?\d+(?:\.\d+)?)")
 _VERSION = re.compile(r"\[VER:([^:\]]*):?([^\]]*)\]")
@@ -78,6 +79,13 @@ class Firmware:
     def stopping_time(self, axes: Sequence[GrblAxis]) -> float:
         """Return the seconds from full speed to rest."""
         return max(self.max_rate(axis) / self.acceleration(axis) for axis in axes)
+
+    def read_back(self, axes: Iterable[GrblAxis]) -> Iterator[Setting]:
+        """Yield how fast each axis may go, in degrees or millimetres."""
+        for axis in axes:
+            unit = axis.describe().soft_limits.unit
+            yield Setting(f"speed of axis {axis.name}", self.max_rate(axis) / abs(axis.scale), f"{unit}/s")
+            yield Setting(f"acceleration of axis {axis.name}", self.acceleration(axis) / abs(axis.scale), f"{unit}/s^2")
 
     def check(self, settings: GrblSettings) -> None:
         """Refuse a controller that is not set up for the stage.

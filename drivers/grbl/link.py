@@ -177,7 +177,8 @@ class GrblLink:
             if (now := self._clock.now()) > began + seconds:
                 raise self._no_greeting(seconds)
             if now > again:
-                self.send(RESET)
+                # The line end, which the reset makes GRBL forget, lets another device say that it understands nothing.
+                self.send(b"\n" + RESET)
                 again = now + _RESET_PERIOD
         raise AssertionError("unreachable: the port yields lines for ever")
 

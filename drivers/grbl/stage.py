@@ -72,6 +72,7 @@ class GrblStage:
             serial_number=self._firmware.label or usb_serial_number(port) or port,
             axes=tuple(axis.describe() for axis in self._settings.axes),
             firmware=self._firmware.build,
+            settings=tuple(self._firmware.read_back(self._settings.axes)),
         )
 
     def home(self) -> None:
@@ -156,7 +157,7 @@ class GrblStage:
             # Every mode is said anew, so that none that somebody else left behind changes what is meant. The answer to
             # the dwell comes when the motion has ended, which no report of the state tells as surely.
             self._controller.run(link, f"G21G90G94G53G1{words}F{feed:.1f}")
-            self._controller.run(link, f"G4P{self._settings.settling_time:.3f}", limit)
+            self._controller.run(link, f"G4P{self._settings.settling_time_s:.3f}", limit)
         arrived = self._position(link)
         self._check_arrival(target, arrived)
         return arrived
@@ -196,7 +197,7 @@ class GrblStage:
 
     def _duration(self, start: Mapping[str, float], target: Mapping[str, float]) -> float:
         seconds = duration(self._motions(start, target))
-        return seconds + self._settings.settling_time if seconds > 0.0 else 0.0
+        return seconds + self._settings.settling_time_s if seconds > 0.0 else 0.0
 
     def _motions(self, start: Mapping[str, float], target: Mapping[str, float]) -> list[AxisMotion]:
         return [

@@ -13,7 +13,7 @@ from drivers.oak.settings import OakSettings
 
 def open_oak(settings: OakSettings, table: Mapping[str, Any]) -> OakCamera:
     """Return the camera, not yet connected."""
-    return OakCamera(settings, table.get("serial_number"), int(table["height"]), int(table["width"]))
+    return OakCamera(settings, table.get("serial_number") or None, int(table["height"]), int(table["width"]))
 
 
 DRIVER = Driver("camera", OakSettings, open_oak, find_oak)

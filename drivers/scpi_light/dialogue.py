@@ -6,7 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers.errors import DeviceError
+from drivers.errors import DeviceError, DeviceTimeoutError
+from drivers.limits import Limits
+from drivers.setting import Setting
 
 _NO_ERROR = 0
 # A queue of errors that is longer than this does not end.
@@ -24,7 +26,7 @@ class Transport(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class ScpiSetting:
     """A number that a device holds.
 
     Attributes
@@ -86,7 +88,7 @@ class ScpiDialogue:
         """Return the answer to a question, which has to be 0 or 1."""
         return self.number(question) != 0.0
 
-    def set_verified(self, setting: Setting, value: float) -> float:
+    def set_verified(self, setting: ScpiSetting, value: float) -> float:
         """Set a number and return what the device reads back.
 
         Raises
@@ -105,13 +107,24 @@ class ScpiDialogue:
             )
         return held
 
-    def ensure(self, setting: Setting, value: float) -> None:
+    def ensure(self, setting: ScpiSetting, value: float) -> None:
         """Set a number as `set_verified` does, unless the device holds it already.
 
         For what a device may keep in a memory that wears out.
         """
         if not setting.agree(self.number(f"{setting.header}?"), value):
             self.set_verified(setting, value)
+
+    def read_back(self, setting: ScpiSetting) -> Setting:
+        """Return what the device holds and what it allows; without limits where it does not know the question."""
+        held = self.number(f"{setting.header}?")
+        try:
+            limits = Limits(self.number(f"{setting.header}? MIN"), self.number(f"{setting.header}? MAX"), setting.unit)
+        except DeviceTimeoutError:
+            # It has put an error into its queue instead of an answer.
+            self.command("*CLS")
+            limits = None
+        return Setting(setting.name, held, setting.unit, limits)
 
     def check_errors(self, after: str) -> None:
         """Empty the device's queue of errors.

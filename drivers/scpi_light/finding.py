@@ -26,7 +26,7 @@ def find_device(address: UsbAddress, backend: Any = None) -> Any:
     DriverNotFoundError
         If pyusb or libusb is not installed.
     """
-    present = _devices(backend)
+    present = usb_devices(backend)
     alike = [d for d in present if (d.idVendor, d.idProduct) == (address.vendor_id, address.product_id)]
     serials = [_serial_number(device, address) for device in alike]
     matching = [d for d, serial in zip(alike, serials, strict=True) if address.serial_number in ("", serial)]
@@ -43,10 +43,17 @@ def _choice_message(address: UsbAddress, n_matching: int, found: list[str]) -> s
         return (
             f"no USB device {address}; found: {listed}. Look at its cable, its power, and the rig file's [light.device]"
         )
-    return f"{n_matching} USB devices {address}; found: {listed}. Set serial_number in the rig file's [light.device]"
+    return f"{n_matching} USB devices {address}; found: {listed}. Set serial_number in the rig file's [light]"
 
 
-def _devices(backend: Any) -> list[Any]:
+def usb_devices(backend: Any = None) -> list[Any]:
+    """Return every `usb.core.Device`, none of them opened.
+
+    Raises
+    ------
+    DriverNotFoundError
+        If pyusb or libusb is not installed.
+    """
     try:
         core = import_module("usb.core")
     except ImportError:

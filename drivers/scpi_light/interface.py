@@ -43,6 +43,13 @@ class ClaimedInterface:
         util.dispose_resources(self.device)
 
 
+def find_tmc(configuration: Any) -> Any:
+    """Return the USBTMC interface of a configuration; None where it has none."""
+    return import_module("usb.util").find_descriptor(
+        configuration, bInterfaceClass=_CLASS, bInterfaceSubClass=_SUBCLASS
+    )
+
+
 def claim(device: Any, name: str) -> ClaimedInterface:
     """Take the USBTMC interface of a device.
 
@@ -61,7 +68,7 @@ def claim(device: Any, name: str) -> ClaimedInterface:
     """
     util = import_module("usb.util")
     try:
-        interface = _tmc_interface(device, name)
+        interface = tmc_interface(device, name)
         from_kernel = _take_from_kernel(device, interface.bInterfaceNumber)
         try:
             util.claim_interface(device, interface)
@@ -76,11 +83,21 @@ def claim(device: Any, name: str) -> ClaimedInterface:
     return ClaimedInterface(device, interface.bInterfaceNumber, bulk_out, bulk_in, from_kernel)
 
 
-def _tmc_interface(device: Any, name: str) -> Any:
-    configuration = device.get_active_configuration()
-    found = import_module("usb.util").find_descriptor(
-        configuration, bInterfaceClass=_CLASS, bInterfaceSubClass=_SUBCLASS
-    )
+def tmc_interface(device: Any, name: str) -> Any:
+    """Return the USBTMC interface of a device.
+
+    Parameters
+    ----------
+    device : usb.core.Device
+    name : str
+        For the message.
+
+    Raises
+    ------
+    DeviceError
+        If it has none.
+    """
+    found = find_tmc(device.get_active_configuration())
     if found is None:
         raise DeviceError(f"{name} is no USBTMC device. Look at the ids in the rig file's [light.device]")
     return found

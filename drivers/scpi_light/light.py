@@ -12,21 +12,22 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 from drivers.errors import DeviceError, UnsafeError
 from drivers.lease import LEVEL_LIMITS, check_lease, check_level
 from drivers.light import LightDescription, LightState
-from drivers.scpi_light.dialogue import ScpiDialogue, Setting
-from drivers.scpi_light.settings import ScpiLightSettings
+from drivers.scpi_light.dialogue import ScpiDialogue, ScpiSetting
+from drivers.scpi_light.settings import ScpiLightSettings, UsbAddress
 from drivers.scpi_light.transport import UsbTmc
 
-CURRENT_LIMIT = Setting("the current limit", "SOURCE1:CURRENT:LIMIT", "A", 0.002)
-TERMINAL = Setting("the terminal", "OUTPUT1:TERMINAL", "", 0.0)
-BRIGHTNESS = Setting("the brightness", "SOURCE1:PULSE:BRIGHTNESS:LEVEL:AMPLITUDE", "% of the current limit", 0.1)
-ON_TIME = Setting("the pulse's length", "SOURCE1:PULSE:ONTIME", "s", 0.001)
-OFF_TIME = Setting("the pause between pulses", "SOURCE1:PULSE:OFFTIME", "s", 1e-6)
-COUNT = Setting("the number of pulses", "SOURCE1:PULSE:COUNT", "", 0.0)
+CURRENT_LIMIT = ScpiSetting("the current limit", "SOURCE1:CURRENT:LIMIT", "A", 0.002)
+TERMINAL = ScpiSetting("the terminal", "OUTPUT1:TERMINAL", "", 0.0)
+BRIGHTNESS = ScpiSetting("the brightness", "SOURCE1:PULSE:BRIGHTNESS:LEVEL:AMPLITUDE", "% of the current limit", 0.1)
+ON_TIME = ScpiSetting("the pulse's length", "SOURCE1:PULSE:ONTIME", "s", 0.001)
+OFF_TIME = ScpiSetting("the pause between pulses", "SOURCE1:PULSE:OFFTIME", "s", 1e-6)
+COUNT = ScpiSetting("the number of pulses", "SOURCE1:PULSE:COUNT", "", 0.0)
 
 LONGEST_PULSE, SHORTEST_PAUSE = 10.0, 1e-6
 """Seconds that the controller takes."""
@@ -47,13 +48,16 @@ class ScpiLight:
     Parameters
     ----------
     settings : ScpiLightSettings
+    serial_number : str
+        Of the one controller allowed; empty = the only one that is plugged in.
     backend : usb.backend.IBackend, optional
         None = libusb.
     """
 
-    def __init__(self, settings: ScpiLightSettings, backend: Any = None) -> None:
+    def __init__(self, settings: ScpiLightSettings, serial_number: str = "", backend: Any = None) -> None:
         self._settings = settings
-        self._transport = UsbTmc(settings.address, settings.answer_time, backend)
+        self._address = UsbAddress(settings.vendor_id, settings.product_id, serial_number)
+        self._transport = UsbTmc(self._address, settings.answer_time_s, backend)
         self._dialogue = ScpiDialogue(self._transport)
         self._description: LightDescription | None = None
 
@@ -72,7 +76,9 @@ class ScpiLight:
             self._description = self._identified()
             self._start_dark()
             self._dialogue.ensure(TERMINAL, self._settings.terminal)
-            self._dialogue.ensure(CURRENT_LIMIT, self._settings.max_current)
+            self._dialogue.ensure(CURRENT_LIMIT, self._settings.max_current_a)
+            held = tuple(self._dialogue.read_back(setting) for setting in (CURRENT_LIMIT, TERMINAL))
+            self._description = replace(self._description, settings=held)
         except BaseException:
             self._forget()
             raise
@@ -100,7 +106,7 @@ class ScpiLight:
         """
         self._connected()
         check_level(level)
-        check_lease(max_seconds, self._settings.longest_lease)
+        check_lease(max_seconds, self._settings.longest_lease_s)
         try:
             return self._shine(level, max_seconds)
         except BaseException:
@@ -132,7 +138,7 @@ class ScpiLight:
         make, model, serial_number, firmware = [*identity.split(","), "", "", ""][:4]
         if self._settings.model not in model:
             raise DeviceError(
-                f"the USB device {self._settings.address} is {identity!r}; expected was a {self._settings.model}. "
+                f"the USB device {self._address} is {identity!r}; expected was a {self._settings.model}. "
                 "Look at the rig file's [light.device]"
             )
         return LightDescription(make.strip(), model.strip(), serial_number.strip(), LEVEL_LIMITS, firmware.strip())
@@ -155,7 +161,7 @@ class ScpiLight:
         self._dialogue.command("SOURCE1:MODE PULS")
         self._dialogue.check_errors("its pulse mode")
         # Somebody may have changed it on the controller's own panel.
-        self._dialogue.ensure(CURRENT_LIMIT, self._settings.max_current)
+        self._dialogue.ensure(CURRENT_LIMIT, self._settings.max_current_a)
         self._dialogue.set_verified(BRIGHTNESS, 100.0 * level)
         self._dialogue.set_verified(ON_TIME, max_seconds / n_pulses)
         self._dialogue.set_verified(OFF_TIME, SHORTEST_PAUSE)

@@ -45,9 +45,9 @@ class SerialLight:
         if self._description is not None and self._port is not None:
             return
         self._port = SerialPort(self._settings.port, self._settings.baud_rate, QUIET_TIME)
-        self._dialogue = LineDialogue(self._port, self._settings.answer_time)
+        self._dialogue = LineDialogue(self._port, self._settings.answer_time_s)
         try:
-            time.sleep(self._settings.boot_time)
+            time.sleep(self._settings.boot_time_s)
             self._description = self._identified()
             if self.off().lit:
                 raise UnsafeError(f"the light at {self._settings.port} does not go off. Switch it off by hand")
@@ -76,7 +76,7 @@ class SerialLight:
         """
         self._connected()
         check_level(level)
-        check_lease(max_seconds, self._settings.longest_lease)
+        check_lease(max_seconds, self._settings.longest_lease_s)
         try:
             return self._shine(level)
         except BaseException:

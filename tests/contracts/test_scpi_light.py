@@ -19,7 +19,7 @@ class TestScpiLight(LightContract):
     @pytest.fixture
     def light(self, clock: VirtualClock) -> Light:
         bus = UsbBus(UsbTmcDevice(Dc2200Double(clock.now)))
-        return ScpiLight(ScpiLightSettings(max_current=1.0), bus)
+        return ScpiLight(ScpiLightSettings(max_current_a=1.0), "", bus)
 
     @pytest.fixture
     def wait(self, clock: VirtualClock) -> Callable[[float], None]:

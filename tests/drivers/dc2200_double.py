@@ -52,6 +52,7 @@ class Dc2200Double:
         # Names of values that it holds on to, whatever it is told.
         self.stuck: set[str] = set()
         self.sticks_on = False
+        self.knows_its_limits = True
         self.n_switched_on = 0
         self.n_limits_set = 0
         self._lit_since: float | None = 0.0
@@ -101,9 +102,15 @@ class Dc2200Double:
             self._lit_since = None
         return None
 
+    def _answer(self, values: dict[str | None, float], word: str | None) -> bytes | None:
+        if word is not None and not self.knows_its_limits:
+            self.errors.append('-108,"Parameter not allowed"')
+            return None
+        return f"{values[word]:.6E}\n".encode()
+
     def _number(self, name: str, low: float, high: float, asked: str | None, word: str | None) -> bytes | None:
         if asked:
-            return f"{getattr(self, name):.6E}\n".encode()
+            return self._answer({None: getattr(self, name), "MIN": low, "MAX": high}, word)
         value = float(word or "nan")
         if not low <= value <= high:
             self.errors.append('-222,"Data out of range"')

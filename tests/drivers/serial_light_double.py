@@ -51,7 +51,7 @@ class SerialLightDouble:
                 return
             *lines, rest = (rest + os.read(self._controller, 1024)).split(b"\n")
             for line in lines:
-                self._reply(line.decode("ascii"))
+                self._reply(line.decode("ascii", "replace"))
 
     def _reply(self, line: str) -> None:
         self.heard.append(line)

@@ -12,5 +12,5 @@ if __name__ == "__main__":
     controller = Dc2200Double()
     for flag in sys.argv[1:]:
         setattr(controller, flag, True)
-    light = ScpiLight(ScpiLightSettings(max_current=1.0), UsbBus(UsbTmcDevice(controller)))
+    light = ScpiLight(ScpiLightSettings(max_current_a=1.0), "", UsbBus(UsbTmcDevice(controller)))
     supervise(light, sys.stdin.fileno(), sys.stdout.fileno())

@@ -1,19 +1,12 @@
-import math
-import re
-import tomllib
-from dataclasses import replace
-from pathlib import Path
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.errors import DeviceError, UnsafeError
+from drivers.errors import UnsafeError
 from drivers.grbl.codes import ALARMS, ERRORS, alarm, bad_state, refusal
 from drivers.grbl.firmware import Firmware
 from drivers.grbl.motion import AxisMotion, duration
 from drivers.grbl.report import machine_position, parse_report
-from drivers.grbl.settings import GrblSettings
 from tests.drivers.grbl_machine import GrblMachine
 from tests.drivers.grbl_stages import TILT, TURN
 
@@ -112,54 +105,6 @@ def test_machine_units_and_positions_turn_into_each_other(position: float):
     for axis in (TILT, TURN):
         there = axis.machine_from_position(position)
         assert axis.position_from_machine(there) == pytest.approx(position, abs=0.0006 / abs(axis.scale))
-
-
-def test_all_that_is_wrong_with_a_stage_is_said_at_once():
-    bad = replace(TILT, letter="Q", vector=(1.0, 1.0, 0.0), soft_limits=(5.0, 1.0), tolerance=0.0, scale=0.0)
-    with pytest.raises(DeviceError) as caught:
-        GrblSettings("/dev/none", (bad, replace(bad, letter="X")), settling_time=math.nan)
-    for part in (
-        "letter is 'Q'",
-        "vector has length 1.41",
-        "5 to 1",
-        "tolerance is 0",
-        "scale is 0",
-        "two axes is tilt",
-    ):
-        assert part in str(caught.value)
-    assert "settling_time_s is nan" in str(caught.value)
-
-
-def test_a_table_of_rig_toml_becomes_a_stage():
-    axis = {
-        "name": "tilt",
-        "letter": "Y",
-        "kind": "rotation",
-        "vector": [1.0, 0.0, 0.0],
-        "soft_limits": [-65.0, 65.0],
-        "tolerance": 0.02,
-    }
-    table = {"driver": "grbl", "port": "/dev/ttyACM0", "settling_time_s": 0.5, "axes": [axis]}
-    stage = GrblSettings.from_table(table)
-    assert stage.axes == (replace(TILT, scale=1.0, zero=0.0),)
-    assert (stage.port, stage.settling_time, stage.homing, stage.baud_rate) == (
-        "/dev/ttyACM0",
-        0.5,
-        True,
-        115200,
-    )
-
-
-def test_keys_that_are_missing_or_unknown_are_named_at_once():
-    with pytest.raises(DeviceError, match=r"stage\.port is missing; stage\.axes\[0\]\.letter is missing.*'speed'"):
-        GrblSettings.from_table({"axes": [{"name": "tilt", "speed": 3.0}]})
-
-
-def test_the_table_of_the_documentation_is_a_stage():
-    page = (Path(__file__).parents[2] / "docs" / "devices.md").read_text(encoding="utf-8")
-    (table,) = [text for text in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if 'driver = "grbl"' in text]
-    stage = GrblSettings.from_table(tomllib.loads(table)["stage"])
-    assert [axis.name for axis in stage.axes] == ["tilt", "turn"]
 
 
 def test_travel_is_negative_unless_homing_sets_the_origin_towards_it():

@@ -16,17 +16,17 @@ from drivers.errors import (
     DriverNotFoundError,
     UnsafeError,
 )
+from drivers.limits import Limits
 from drivers.scpi_light.light import ScpiLight
 from drivers.scpi_light.settings import ScpiLightSettings
 from drivers.scpi_light.usb_errors import UDEV_RULES
 from drivers.simulated.clock import VirtualClock
 from drivers.supervised_light import SupervisedLight
-from drivers.tables import settings_from_table
 from tests.drivers.dc2200_double import Dc2200Double
 from tests.drivers.test_supervised_light import ROOT
 from tests.drivers.usbtmc_double import UsbBus, UsbTmcDevice
 
-SETTINGS = ScpiLightSettings(max_current=1.0)
+SETTINGS = ScpiLightSettings(max_current_a=1.0)
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def device(controller: Dc2200Double) -> UsbTmcDevice:
 
 @pytest.fixture
 def light(device: UsbTmcDevice) -> ScpiLight:
-    return ScpiLight(SETTINGS, UsbBus(device))
+    return ScpiLight(SETTINGS, "", UsbBus(device))
 
 
 def test_says_what_the_controller_is(light: ScpiLight) -> None:
@@ -87,7 +87,7 @@ def test_a_current_limit_that_holds_is_not_written_again(light: ScpiLight, contr
 
 
 def test_a_current_that_the_controller_refuses_is_said_with_its_reason(device: UsbTmcDevice) -> None:
-    light = ScpiLight(ScpiLightSettings(max_current=9.0), UsbBus(device))
+    light = ScpiLight(ScpiLightSettings(max_current_a=9.0), "", UsbBus(device))
     with pytest.raises(DeviceError, match=r"refuses the current limit = 9 A: error -222, Data out of range"):
         light.connect()
     assert device.n_open == 0
@@ -160,22 +160,21 @@ def test_a_light_that_does_not_go_off_is_said_to_be_lit(light: ScpiLight, contro
 def test_a_light_that_cannot_be_darkened_is_not_connected(device: UsbTmcDevice, controller: Dc2200Double) -> None:
     controller.sticks_on = True
     with pytest.raises(UnsafeError, match=r"does not go off\. Switch it off by hand"):
-        ScpiLight(SETTINGS, UsbBus(device)).connect()
+        ScpiLight(SETTINGS, "", UsbBus(device)).connect()
     assert device.n_open == 0
 
 
 def test_no_device_says_what_was_looked_for_and_what_was_found() -> None:
     other = UsbTmcDevice(Dc2200Double(), ids=(0x0957, 0x0407))
     with pytest.raises(DeviceError, match=r"no USB device 1313:80c8; found: 0957:0407\. Look at its cable"):
-        ScpiLight(SETTINGS, UsbBus(other)).connect()
+        ScpiLight(SETTINGS, "", UsbBus(other)).connect()
     with pytest.raises(DeviceError, match="found: no USB device at all"):
-        ScpiLight(SETTINGS, UsbBus()).connect()
+        ScpiLight(SETTINGS, "", UsbBus()).connect()
 
 
 def test_another_serial_number_is_another_device(device: UsbTmcDevice) -> None:
-    settings = ScpiLightSettings(max_current=1.0, serial_number="M00000002")
     with pytest.raises(DeviceError, match=r"no USB device 1313:80c8, serial number M00000002; found: .*M00000001"):
-        ScpiLight(settings, UsbBus(device)).connect()
+        ScpiLight(SETTINGS, "M00000002", UsbBus(device)).connect()
     assert device.n_open == 0
 
 
@@ -184,8 +183,8 @@ def test_of_two_controllers_the_serial_number_chooses() -> None:
     second = UsbTmcDevice(Dc2200Double(identity="Thorlabs,DC2200,M00000002,1.4.0"), "M00000002")
     bus = UsbBus(first, second)
     with pytest.raises(DeviceError, match=r"2 USB devices .*Set serial_number"):
-        ScpiLight(SETTINGS, bus).connect()
-    light = ScpiLight(ScpiLightSettings(max_current=1.0, serial_number="M00000002"), bus)
+        ScpiLight(SETTINGS, "", bus).connect()
+    light = ScpiLight(SETTINGS, "M00000002", bus)
     light.connect()
     assert light.describe().serial_number == "M00000002"
     assert (first.n_open, second.n_open) == (0, 1)
@@ -280,7 +279,7 @@ def test_an_answer_that_the_controller_cannot_take_back_is_read_and_dropped(
 
 def test_a_controller_that_does_not_clear_is_a_timeout(device: UsbTmcDevice) -> None:
     device.pending_clears = 1_000_000
-    light = ScpiLight(ScpiLightSettings(max_current=1.0, answer_time=0.05), UsbBus(device))
+    light = ScpiLight(ScpiLightSettings(max_current_a=1.0, answer_time_s=0.05), "", UsbBus(device))
     with pytest.raises(DeviceTimeoutError, match=r"does not clear\. Switch it off and on"):
         light.connect()
     assert device.n_open == 0
@@ -336,7 +335,7 @@ def _session(failures: dict[int, int]) -> UsbTmcDevice:
     controller.receive(b"OUTPUT1:STATE OFF")
     device = UsbTmcDevice(controller)
     device.failures, device.pending_clears = failures, 0
-    light = ScpiLight(SETTINGS, UsbBus(device))
+    light = ScpiLight(SETTINGS, "", UsbBus(device))
     try:
         light.connect()
     except DeviceError:
@@ -387,18 +386,27 @@ def test_what_it_says_of_its_protection_comes_through_the_supervisor() -> None:
     light.disconnect()
 
 
-@pytest.mark.parametrize(
-    ("table", "message"),
-    [
-        ({}, r"\[light.device\].max_current is missing"),
-        ({"max_current": 1.0, "amps": 2}, r"has no key 'amps'.*Allowed are answer_time"),
-        ({"max_current": 11.0}, r"max_current is 11 A; allowed is 0.001 to 10 A"),
-        ({"max_current": 1.0, "terminal": 3}, r"terminal is 3; allowed are 1"),
-        ({"max_current": "much"}, r"\[light.device\].max_current is 'much'; expected was a value of type float"),
-        ({"max_current": True}, r"max_current is True; expected was a value of type float"),
-        ({"max_current": 1.0, "longest_lease": 0.0}, r"longest_lease is 0 s; allowed is"),
-    ],
-)
-def test_a_table_that_cannot_be_is_refused_with_its_key(table: dict[str, object], message: str) -> None:
-    with pytest.raises(DeviceError, match=message):
-        settings_from_table(ScpiLightSettings, table, "[light.device]")
+def test_it_tells_what_it_was_set_to_and_what_the_controller_allows() -> None:
+    light = ScpiLight(SETTINGS, "", UsbBus(UsbTmcDevice(Dc2200Double())))
+    light.connect()
+    limit, terminal = light.describe().settings
+    assert str(limit) == "the current limit 1 A (0 to 4)"
+    assert (terminal.value, terminal.limits) == (1.0, Limits(1.0, 2.0, ""))
+    light.disconnect()
+
+
+def test_a_controller_that_does_not_tell_its_limits_is_good_all_the_same() -> None:
+    controller = Dc2200Double()
+    controller.knows_its_limits = False
+    light = ScpiLight(ScpiLightSettings(max_current_a=1.0, answer_time_s=0.05), "", UsbBus(UsbTmcDevice(controller)))
+    light.connect()
+    assert [setting.limits for setting in light.describe().settings] == [None, None]
+    assert light.on(0.5, 1.0).lit
+    light.disconnect()
+
+
+def test_its_settings_come_through_the_supervisor() -> None:
+    light = supervised()
+    light.connect()
+    assert str(light.describe().settings[0]) == "the current limit 1 A (0 to 4)"
+    light.disconnect()

@@ -18,7 +18,6 @@ from drivers.serial_light.light import SerialLight
 from drivers.serial_light.settings import SerialLightSettings
 from drivers.serial_port import SerialPort
 from drivers.supervised_light import SupervisedLight
-from drivers.tables import settings_from_table
 from tests.drivers.serial_light_double import SerialLightDouble
 from tests.drivers.test_supervised_light import ROOT, wait_until
 
@@ -49,7 +48,7 @@ def light(double: SerialLightDouble) -> Iterator[SerialLight]:
 
 
 def settings(double: SerialLightDouble, **values: Any) -> SerialLightSettings:
-    return SerialLightSettings(**{"port": double.port, "identity": "blinker", "answer_time": 0.3, **values})
+    return SerialLightSettings(**{"port": double.port, "identity": "blinker", "answer_time_s": 0.3, **values})
 
 
 def n_open(port: str) -> int:
@@ -293,7 +292,7 @@ def test_an_answer_that_is_missing_anywhere_leaves_nothing_open_and_no_light_on(
 def _session(silent: int) -> list[str]:
     double = SerialLightDouble()
     double.silent = {silent}
-    light = SerialLight(settings(double, answer_time=0.3))
+    light = SerialLight(settings(double, answer_time_s=0.3))
     missing = suppress(DeviceTimeoutError) if silent >= 0 else nullcontext()
     with missing:
         light.connect()
@@ -305,22 +304,3 @@ def _session(silent: int) -> list[str]:
     assert n_open(double.port) == 0
     double.unplug()
     return double.heard
-
-
-@pytest.mark.parametrize(
-    ("table", "message"),
-    [
-        ({"port": "/dev/ttyUSB0"}, r"\[light.device\].identity is missing"),
-        ({"port": 3, "identity": "x"}, r"port is 3; expected was a value of type str"),
-        ({"port": "p", "identity": ""}, r"identity is empty"),
-        ({"port": "p", "identity": "x", "level_command": "L{}"}, r"level_command is 'L\{\}', which is no format"),
-        ({"port": "p", "identity": "x", "on_command": "an\n"}, r"on_command is 'an\\n'; allowed are printable ASCII"),
-        ({"port": "p", "identity": "x", "level_command": "L"}, r"it says \{level\} nowhere"),
-        ({"port": "p", "identity": "x", "state": "("}, r"state is '\(', which is no regular expression"),
-        ({"port": "p", "identity": "x", "state": "(?P<lit>1)"}, r"it has no group 'level'"),
-        ({"port": "p", "identity": "x", "full_level": 0.0}, r"full_level has to be more than 0"),
-    ],
-)
-def test_a_table_that_cannot_be_is_refused_with_its_key(table: dict[str, object], message: str) -> None:
-    with pytest.raises(DeviceError, match=message):
-        settings_from_table(SerialLightSettings, table, "[light.device]")

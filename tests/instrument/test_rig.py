@@ -1,7 +1,6 @@
 import pytest
 
-from drivers import registry
-from drivers.errors import DeviceError, DriverNotFoundError
+from drivers.errors import DeviceError, DriverNotFoundError, UnsafeError
 from drivers.registry import open_devices
 from instrument.rig import Rig
 from tests.protocols.fakes import FakeBench, FakeLight, fault_at, rig_config
@@ -48,16 +47,36 @@ def test_a_light_that_cannot_be_switched_off_is_an_error_of_its_own(monkeypatch:
 
 def test_an_unknown_driver_is_refused_with_the_known_ones() -> None:
     with pytest.raises(DriverNotFoundError) as caught:
-        open_devices(table(light="simulatd"))
+        open_devices(table(camera="genicam", light="skpi", stage="grbl"))
     assert str(caught.value) == (
-        "light.driver is 'simulatd'; known drivers of a light: simulated. Did you mean 'simulated'?"
+        "light.driver is 'skpi'; known drivers of a light: simulated, scpi, serial. Did you mean 'scpi'?"
     )
 
 
-def test_a_rig_that_mixes_simulated_and_real_devices_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry, "KNOWN_DRIVERS", dict.fromkeys(registry.KINDS, ("simulated", "grbl")))
+def test_a_rig_that_mixes_simulated_and_real_devices_is_refused() -> None:
     with pytest.raises(DeviceError, match=r"mixes simulated .camera, light. and real devices .stage = 'grbl'."):
         open_devices(table(stage="grbl"))
+
+
+def test_every_device_that_does_not_connect_is_named() -> None:
+    bench = FakeBench(fault_at({0, 2}, DeviceError))
+    with pytest.raises(DeviceError) as caught, Rig.open(rig_config(), bench.devices):
+        pytest.fail("entered")
+    assert str(caught.value).splitlines() == [
+        "2 devices cannot be used:",
+        "  light: light.connect failed at call 0",
+        "  camera: camera.connect failed at call 2",
+    ]
+    assert "stage.disconnect" in bench.calls
+
+
+def test_a_device_that_does_harm_is_not_tried_again_though_others_fail_too() -> None:
+    def smoke(number: int, name: str) -> None:
+        fault_at({0}, UnsafeError)(number, name)
+        fault_at({1}, DeviceError)(number, name)
+
+    with pytest.raises(UnsafeError, match="2 devices"), Rig.open(rig_config(), FakeBench(smoke).devices):
+        pytest.fail("entered")
 
 
 def test_the_simulated_devices_open_by_name() -> None:

@@ -11,7 +11,9 @@ from protocols.engine import Finish, capture
 from protocols.python_protocol import load_any_protocol
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-PROTOCOLS = sorted(path for path in EXAMPLES.glob("*.*") if path.name not in ("simulated.toml", "faults.toml"))
+PROTOCOLS = sorted(
+    path for path in EXAMPLES.glob("*.*") if path.name not in ("simulated.toml", "real_rig.toml", "faults.toml")
+)
 
 
 @pytest.mark.parametrize("path", PROTOCOLS, ids=lambda path: path.name)

@@ -1,0 +1,121 @@
+"""`halfangle devices`, `rig check` and `driver-test`: what is attached, and whether it does what it should."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from instrument.validation import LINE_BREAK, printable
+
+if TYPE_CHECKING:
+    from drivers.discovery import Discovery
+    from drivers.driver import FoundDevice, Kind
+    from instrument.rig_check import Finding
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+rig_argument = click.argument("rig_file", metavar="RIG", type=click.Path(path_type=Path))
+home_option = click.option("--home", is_flag=True, help="Let the stage find its zero first, over its whole way.")
+
+
+@click.command(epilog="Example: halfangle devices")
+@json_option
+def devices(as_json: bool) -> None:
+    """List what is attached: found, unknown, busy or without permission, each with what to do.
+
+    Nothing is opened that might move, shine or restart; `halfangle rig check` talks to the devices of a rig.
+    """
+    from drivers.discovery import discover
+
+    found = discover()
+    click.echo(json.dumps(_as_dict(found), indent=2) if as_json else printable(_listed(found), keep=LINE_BREAK))
+
+
+def _as_dict(found: Discovery) -> dict[str, Any]:
+    return {
+        "devices": [{**asdict(device), "state": device.state.value} for device in found.devices],
+        "not_looked_for": found.not_looked_for,
+    }
+
+
+def _listed(found: Discovery) -> str:
+    lines = [line for device in found.devices for line in _lines(device)] or ["nothing is attached that a driver knows"]
+    return "\n".join([*lines, *(f"not looked for: {why}" for why in found.not_looked_for)])
+
+
+def _lines(device: FoundDevice) -> list[str]:
+    driver = f'{device.kind}, driver = "{device.driver}"' if device.driver else "no driver"
+    line = f"{device.state.value:<13}  {device.name}  ({driver}; {device.where})"
+    return [line, f"{'':<13}  {device.remedy}"] if device.remedy else [line]
+
+
+@click.group()
+def rig() -> None:
+    """Look at the devices of a rig."""
+
+
+@rig.command(epilog="Example: halfangle rig check examples/simulated.toml")
+@rig_argument
+@home_option
+@json_option
+def check(rig_file: Path, home: bool, as_json: bool) -> None:
+    """Connect to each device of RIG (TOML), read it back, blink, move each axis a little, take a frame.
+
+    Exit 1 if anything fails, 3 if there are warnings. The light is off and the stage rests when it ends.
+    """
+    from instrument.config import load_rig
+    from instrument.rig_check import check_rig
+
+    findings = []
+    for finding in check_rig(load_rig(rig_file), home=home):
+        findings.append(finding)
+        if not as_json:
+            click.echo(printable(f"{finding.verdict}  {finding.kind:<6}  {finding.text}", keep=LINE_BREAK))
+    if as_json:
+        click.echo(json.dumps([asdict(finding) for finding in findings], indent=2))
+    _leave_with(findings)
+
+
+def _leave_with(findings: list[Finding]) -> None:
+    verdicts = {finding.verdict for finding in findings}
+    if "FAIL" in verdicts:
+        sys.exit(1)
+    if "WARN" in verdicts:
+        sys.exit(3)
+
+
+@click.command("driver-test", epilog="Example: halfangle driver-test examples/simulated.toml --kind light")
+@rig_argument
+@click.option("--kind", "kinds", multiple=True, type=click.Choice(["camera", "light", "stage"]), help="Only this kind.")
+@click.option("-y", "--yes", is_flag=True, help="Do not ask before a real stage moves and a real light shines.")
+def driver_test(rig_file: Path, kinds: tuple[Kind, ...], yes: bool) -> None:
+    """Run the tests that every driver passes on the devices of RIG (TOML).
+
+    The stage moves to both ends of every axis and the light shines at full level: take the sample away. Exit 1 if a
+    test fails.
+    """
+    from drivers.registry import KINDS, is_simulated
+    from instrument.config import load_rig
+    from instrument.rig_lock import hold
+
+    config = load_rig(rig_file)
+    tables = config.model_dump(exclude_none=True)
+    if not (yes or is_simulated(tables)):
+        click.confirm("The stage will move over its whole way, the light will shine. Is the sample away?", abort=True)
+    with hold(config.name):
+        sys.exit(0 if _contracts()(tables, kinds or KINDS) else 1)
+
+
+def _contracts() -> Callable[[Mapping[str, Any], Sequence[Kind]], bool]:
+    from drivers.errors import DriverNotFoundError
+
+    try:
+        from drivers.contracts.bench import run_contracts
+    except ModuleNotFoundError:
+        raise DriverNotFoundError('driver-test needs pytest. Install it: pip install "halfangle[dev]"') from None
+    return run_contracts

@@ -1,0 +1,1 @@
+"""GenICam cameras (USB3 Vision and GigE Vision) through Aravis."""

@@ -1,0 +1,1 @@
+"""An LED of Linux' LED class as a light for halfangle."""
