@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from drivers.driver import DeviceState, FoundDevice
-from drivers.errors import DeviceError, DriverNotFoundError
+from drivers.errors import DeviceError
 from drivers.oak.sdk import depthai
 
 _REMEDIES = {
@@ -24,15 +24,17 @@ _READY = ("UNBOOTED", "BOOTLOADER", "FLASH_BOOTED", "BOOTED_NON_EXCLUSIVE", "GAT
 
 
 def find_oak() -> Iterator[FoundDevice]:
-    """Yield the cameras that are attached by USB or to the network, within a second; none where depthai is missing."""
-    try:
-        sdk = depthai()
-    except DriverNotFoundError:
-        return
-    for info in listed(sdk):
+    """Yield the cameras that are attached by USB or to the network, within a second.
+
+    Raises
+    ------
+    DriverNotFoundError
+        If depthai is not installed.
+    """
+    for info in listed(depthai()):
         state = state_of(info)
         name = f"Luxonis OAK {info.getDeviceId() or '(serial number unknown)'}"
-        yield FoundDevice(name, _where(info), state, "camera", "oak", _REMEDIES.get(state, ""))
+        yield FoundDevice(name, _where(info), state, _REMEDIES.get(state, ""))
 
 
 def listed(sdk: Any) -> Sequence[Any]:

@@ -128,7 +128,7 @@ class TestConnecting:
         with pytest.raises(DeviceError, match=r"cannot open /dev/none. There is no such port.*Ports here: "):
             ZaberStage(settings_of(double, port="/dev/none")).connect()
 
-    @pytest.mark.parametrize(("number", "mend"), [(errno.EACCES, "usermod -aG dialout"), (errno.EBUSY, "fuser")])
+    @pytest.mark.parametrize(("number", "mend"), [(errno.EACCES, "usermod -aG dialout"), (errno.EBUSY, "Close it")])
     def test_a_port_that_may_not_be_opened_comes_with_its_mend(self, double, monkeypatch, number: int, mend: str):
         def refuse(*_):
             raise OSError(number, os.strerror(number))
