@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from drivers.axis_settings import UNITS
 from drivers.errors import DeviceError, DeviceTimeoutError
 from drivers.setting import Setting
 from drivers.zaber.link import ZaberLink
-from drivers.zaber.settings import UNITS, ZaberAxis, ZaberSettings
+from drivers.zaber.settings import ZaberAxis, ZaberSettings
 
 # Units of `maxspeed` per microstep per second; of `accel`, per 10000 microsteps per second squared.
 _SPEED_UNITS = 1.6384

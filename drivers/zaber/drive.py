@@ -7,7 +7,7 @@ from contextlib import suppress
 
 from drivers.clock import Clock
 from drivers.errors import DeviceError, DeviceLostError, DeviceTimeoutError
-from drivers.grbl.motion import AxisMotion, duration
+from drivers.motion import AxisMotion, duration
 from drivers.zaber.devices import Chain
 from drivers.zaber.flags import blocked
 from drivers.zaber.link import ZaberLink

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
+from drivers.axis_settings import check_target
 from drivers.clock import Clock, RealClock
-from drivers.errors import DeviceError, DeviceLimitError, DeviceLostError
+from drivers.errors import DeviceError, DeviceLostError
 from drivers.stage import StageDescription
 from drivers.zaber.devices import read_chain
 from drivers.zaber.drive import ZaberDrive
@@ -111,7 +112,7 @@ class ZaberStage:
         """
         with self._open() as drive:
             n_stops = drive.n_stops
-            self._check(target)
+            check_target(self._settings.axes, target)
             return self._go(drive, target, n_stops)
 
     def move_duration(self, target: Mapping[str, float]) -> float:
@@ -123,7 +124,7 @@ class ZaberStage:
             If `move` would refuse the target.
         """
         with self._open() as drive:
-            self._check(target)
+            check_target(self._settings.axes, target)
             position, flags = drive.look()
             homeless = any(is_blocking(flag) for axis_flags in flags.values() for flag in axis_flags)
             return drive.duration(dict.fromkeys(position, 0.0) if homeless else position, target)
@@ -172,13 +173,6 @@ class ZaberStage:
         arrived = drive.position()
         self._check_arrival(drive, target, arrived)
         return arrived
-
-    def _check(self, target: Mapping[str, float]) -> None:
-        axes = {axis.name: axis.describe() for axis in self._settings.axes}
-        for name, value in target.items():
-            if name not in axes:
-                raise DeviceLimitError(f"the stage has no axis {name!r}; its axes are {', '.join(axes)}")
-            axes[name].soft_limits.check(f"target of axis {name}", value, "Leave that pose out of the plan.")
 
     def _check_arrival(self, drive: ZaberDrive, target: Mapping[str, float], arrived: Mapping[str, float]) -> None:
         axes = [axis for axis in self._settings.axes if axis.name in target]
