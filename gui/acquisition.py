@@ -86,14 +86,21 @@ class Acquisition(QThread):
             self._camera.stop()
         self._orders.put(self._go_dark)
 
+    def ask_to_leave(self) -> None:
+        """Go dark and leave the rig soon; ask again until `finished`.
+
+        A stop that falls just before an exposure does not end it, and orders that come while the rig is being opened
+        are dropped.
+        """
+        self.stop()
+        self._orders.put(None)
+
     def close(self) -> None:
         """Go dark, leave the rig and join the thread."""
-        # Again and again: a stop that falls just before an exposure does not end it, and orders that come
-        # while the rig is being opened are dropped. A trigger blocks for a bounded time, so this ends.
+        # A trigger blocks for a bounded time, so this ends.
         ended = False
         while not ended:
-            self.stop()
-            self._orders.put(None)
+            self.ask_to_leave()
             ended = self.wait(100)
 
     def run(self) -> None:

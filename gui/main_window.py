@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from pathlib import Path
 
 from PySide6.QtCore import QSignalBlocker, Qt, QTimer
 from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut
@@ -22,9 +23,16 @@ from PySide6.QtWidgets import (
 from drivers.camera import CameraDescription, Frame
 from drivers.registry import open_devices
 from gui.acquisition import Acquisition, LightSign
+from gui.job import Job, Work
 from gui.live_view import LiveView
+from gui.protocol_panel import ProtocolPanel
+from gui.rig_use import RigUse
 from instrument.config import RigConfig
 from instrument.rig import OpenDevices
+from protocols import engine
+from protocols.dry_run import Outlook, dry_run
+from protocols.progress import Finish, Outcome, Progress, State
+from protocols.python_protocol import load_any_protocol
 
 MS = 1e-3
 """A millisecond in seconds."""
@@ -34,6 +42,11 @@ LIGHT_STYLES = {
     LightSign.OFF: "background: #20262c; color: #8fa3b3; font: bold 20px; padding: 10px",
     LightSign.ON: "background: #ffb000; color: black; font: bold 20px; padding: 10px",
     LightSign.UNKNOWN: "background: #d000b0; color: white; font: bold 20px; padding: 10px",
+}
+# A capture switches the light on and off for each pose: while it runs, the light may shine at any moment.
+SIGNS = {state: LightSign.ON if state in (State.RUNNING, State.WARMUP) else LightSign.OFF for state in State} | {
+    State.PREFLIGHT: LightSign.UNKNOWN,
+    State.FINISHING: LightSign.UNKNOWN,
 }
 STOP_STYLE = "background: #c00000; color: white; font: bold 26px; padding: 18px"
 BANNER_STYLE = "background: #c00000; color: white; font: 15px; padding: 8px"
@@ -53,6 +66,7 @@ class MainWindow(QMainWindow):
     def __init__(self, config: RigConfig, devices: OpenDevices = open_devices) -> None:
         super().__init__()
         self.setWindowTitle(f"halfangle: {config.name}")
+        self._config, self._devices = config, devices
         self.acquisition = Acquisition(config, devices, self)
         self.live_view = LiveView()
         self.camera_label = QLabel()
@@ -67,6 +81,8 @@ class MainWindow(QMainWindow):
         self.banner.setStyleSheet(BANNER_STYLE)
         # A stop can fall just before an exposure: it is repeated until the light is known to be off.
         self._until_dark = QTimer(self, interval=100)
+        self.rig_use = RigUse(self.acquisition)
+        self.protocol_panel = ProtocolPanel()
         self._lay_out()
         self._wire()
         self._show_light(LightSign.UNKNOWN)
@@ -81,13 +97,16 @@ class MainWindow(QMainWindow):
         self.acquisition.start()
 
     def stop(self) -> None:
-        """Light off, exposure ended."""
+        """Light off, exposure ended, capture aborted."""
+        if self.rig_use.job is not None:
+            self.rig_use.job.abort()
         self.acquisition.stop()
         if self.acquisition.isRunning():
             self._until_dark.start()
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """Leave the rig dark before the window goes."""
+        self.rig_use.close()
         self.acquisition.close()
         event.accept()
 
@@ -104,6 +123,51 @@ class MainWindow(QMainWindow):
         self.stop_button.clicked.connect(self.stop)
         QShortcut(QKeySequence(Qt.Key.Key_Escape), self).activated.connect(self.stop)
         self._until_dark.timeout.connect(self.acquisition.stop)
+        self.rig_use.job_began.connect(self._follow)
+        self.rig_use.job_ended.connect(lambda: self.protocol_panel.show_busy(busy=False))
+        self.protocol_panel.plan_asked.connect(self._plan)
+        self.protocol_panel.start_asked.connect(self._capture)
+        self.protocol_panel.resume_asked.connect(self._resume)
+
+    def _plan(self, protocol: Path) -> None:
+        self._begin(lambda watch, control: dry_run(self._config, load_any_protocol(protocol), self._devices))
+
+    def _capture(self, protocol: Path, session: Path) -> None:
+        self._begin(
+            lambda watch, control: engine.capture(
+                self._config, load_any_protocol(protocol), session, watch, self._devices, control
+            )
+        )
+
+    def _resume(self, session: Path) -> None:
+        self._begin(lambda watch, control: engine.resume(session, watch, self._devices, control))
+
+    def _begin(self, work: Work) -> None:
+        self.banner.hide()
+        self.protocol_panel.show_busy(busy=True)
+        self.rig_use.begin(work)
+
+    def _follow(self, job: Job) -> None:
+        job.progressed.connect(self._show_progress)
+        job.succeeded.connect(self._show_result)
+        job.failed.connect(self._show_failure)
+        self.protocol_panel.pause_asked.connect(job.pause)
+        self.protocol_panel.abort_asked.connect(job.abort)
+
+    def _show_progress(self, progress: Progress) -> None:
+        self.protocol_panel.show_progress(progress)
+        self._show_light(SIGNS[progress.state])
+        if progress.warning:
+            self._show_failure(progress.warning)
+
+    def _show_result(self, result: Outlook | Outcome) -> None:
+        if isinstance(result, Outlook):
+            self.protocol_panel.show_outlook(result.as_text())
+            return
+        self.protocol_panel.show_end(f"{result.path}: {result.n_complete} of {result.n_poses} poses, {result.message}")
+        job = self.rig_use.job
+        if result.finish is not Finish.COMPLETE and not (job is not None and job.stop_asked):
+            self._show_failure(result.message)
 
     def _show_camera(self, camera: CameraDescription) -> None:
         self.camera_label.setText(f"{camera.make} {camera.model}\n{camera.serial_number}")
@@ -137,8 +201,10 @@ class MainWindow(QMainWindow):
 
     def _show_disconnected(self) -> None:
         self._until_dark.stop()
-        self.camera_label.setText("not connected")
+        is_busy = self.rig_use.is_busy
+        self.camera_label.setText("in use by the capture" if is_busy else "not connected")
         self._enable(connected=False)
+        self.connect_button.setEnabled(not is_busy)
 
     def _enable(self, *, connected: bool) -> None:
         self.connect_button.setEnabled(not connected)
@@ -151,6 +217,8 @@ class MainWindow(QMainWindow):
         columns = QHBoxLayout()
         columns.addLayout(self._left_column())
         columns.addWidget(self.live_view, stretch=1)
+        self.protocol_panel.setFixedWidth(320)
+        columns.addWidget(self.protocol_panel)
         rows.addLayout(columns, stretch=1)
         rows.addWidget(self.banner)
         self.setCentralWidget(centre)
