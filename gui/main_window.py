@@ -24,6 +24,7 @@ from drivers.camera import CameraDescription, Frame
 from drivers.registry import open_devices
 from gui.acquisition import Acquisition, LightSign
 from gui.job import Job, Work
+from gui.live_analysis import LiveAnalysis
 from gui.live_view import LiveView
 from gui.protocol_panel import ProtocolPanel
 from gui.rig_use import RigUse
@@ -69,6 +70,8 @@ class MainWindow(QMainWindow):
         self._config, self._devices = config, devices
         self.acquisition = Acquisition(config, devices, self)
         self.live_view = LiveView()
+        self.live_analysis = LiveAnalysis(self)
+        self._camera: CameraDescription | None = None
         self.camera_label = QLabel()
         self.exposure_box = _exposure_box()
         self.read_back_label = QLabel()
@@ -108,11 +111,13 @@ class MainWindow(QMainWindow):
         """Leave the rig dark before the window goes."""
         self.rig_use.close()
         self.acquisition.close()
+        self.live_analysis.close()
         event.accept()
 
     def _wire(self) -> None:
         self.acquisition.opened.connect(self._show_camera)
         self.acquisition.frame_arrived.connect(self._show_frame)
+        self.live_analysis.looked.connect(lambda frame, facts: self.live_view.show_frame(frame.counts, facts))
         self.acquisition.exposure_time_read.connect(self._show_exposure_time)
         self.acquisition.light_changed.connect(self._show_light)
         self.acquisition.failed.connect(self._show_failure)
@@ -171,6 +176,7 @@ class MainWindow(QMainWindow):
 
     def _show_camera(self, camera: CameraDescription) -> None:
         self.camera_label.setText(f"{camera.make} {camera.model}\n{camera.serial_number}")
+        self._camera = camera
         self.live_view.expect(camera)
         limits = camera.exposure_time_limits
         with QSignalBlocker(self.exposure_box):
@@ -179,7 +185,9 @@ class MainWindow(QMainWindow):
         self._enable(connected=True)
 
     def _show_frame(self, frame: Frame) -> None:
-        self.live_view.show_counts(frame.counts)
+        if self._camera is not None:
+            self.live_analysis.look(frame, self._camera)
+        # The next exposure goes on while this frame is looked at.
         self.acquisition.go_on()
 
     def _show_exposure_time(self, exposure_time: float) -> None:

@@ -14,7 +14,7 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from drivers.camera import Frame
+from drivers.camera import CameraDescription, Frame
 from drivers.clock import RealClock
 from drivers.errors import DeviceError
 from drivers.registry import Devices
@@ -23,6 +23,7 @@ from drivers.simulated.devices import open_simulated
 from drivers.simulated.world import World
 from gui import acquisition
 from gui.acquisition import LightSign
+from gui.live_facts import CLIPPED, live_facts
 from gui.main_window import MainWindow
 from instrument.config import RigConfig
 from instrument.config_problems import validate
@@ -33,6 +34,7 @@ SATURATION = 4095
 INTERRUPTED_CONSOLE = """
 import signal
 from cli.main import main
+from gui.live_facts import CLIPPED, live_facts
 from gui.main_window import MainWindow
 
 show_camera = MainWindow._show_camera
@@ -127,13 +129,15 @@ def test_opens_dark_and_names_the_camera(window: MainWindow, bench: Bench):
 
 
 def test_shows_raw_counts_with_the_light_on_once_live(window: MainWindow, bench: Bench, qtbot: QtBot):
-    go_live(window, qtbot)
+    with qtbot.waitSignal(window.live_analysis.looked) as looked:
+        go_live(window, qtbot)
     assert bench.lit
     assert sign(window) == LightSign.ON.value
-    image = window.live_view.picture.image
-    assert image.shape == (120, 160)
-    assert image.dtype == np.uint16
-    assert image.max() > 255
+    frame, facts = looked.args
+    assert frame.counts.dtype == np.uint16
+    assert frame.counts.max() > 255
+    assert facts.shown.shape == (120, 160)
+    qtbot.waitUntil(lambda: window.live_view.picture.image is not None)
 
 
 def test_triggers_in_a_thread_of_its_own(qtbot: QtBot):
@@ -220,6 +224,8 @@ def test_a_failing_camera_shows_in_the_banner_with_the_light_off(doomed: tuple[M
     click(window.live_button, qtbot)
     qtbot.waitUntil(window.acquisition.isFinished)
     qtbot.waitUntil(window.banner.isVisible)
+    # The end of the thread is heard of last.
+    qtbot.waitUntil(window.connect_button.isEnabled)
     assert window.banner.text() == "the camera was unplugged. Plug it in and connect again."
     assert sign(window) == LightSign.OFF.value
     assert not bench.lit
@@ -257,24 +263,39 @@ def test_the_light_goes_out_when_the_window_hangs(
     assert "asked for no frame" in window.banner.text()
 
 
-def test_marks_clipped_pixels_in_red_and_no_others(qtbot: QtBot, window: MainWindow):
+def camera_of(window: MainWindow) -> CameraDescription:
+    assert window._camera is not None
+    return window._camera
+
+
+def test_marks_clipped_pixels_and_no_others(window: MainWindow):
     view = window.live_view
     counts = np.full((120, 160), SATURATION - 1, dtype=np.uint16)
     counts[3, 5] = SATURATION
-    view.show_counts(counts)
-    assert np.argwhere(view.zebra.image[..., 3]).tolist() == [[3, 5]]
-    assert "1 of 19200 pixels clipped" in view.counts_label.text()
-    assert view.zebra.isVisible()
-    view.zebra_switch.setChecked(False)
-    assert not view.zebra.isVisible()
+    view.show_frame(counts, live_facts(counts, camera_of(window)))
+    assert np.argwhere(view.marks.image == CLIPPED).tolist() == [[3, 5]]
+    assert "0.01 % clipped" in view.counts_label.text()
+    assert view.marks.lut[CLIPPED, 3] == 255
+    view.switches[CLIPPED].setChecked(False)
+    assert view.marks.lut[CLIPPED, 3] == 0
 
 
-def test_the_picture_stands_as_the_camera_sees_it(qtbot: QtBot, window: MainWindow):
+def test_the_histogram_has_a_logarithmic_axis_and_a_line_where_it_clips(window: MainWindow):
+    view = window.live_view
+    counts = np.full((120, 160), 1000, dtype=np.uint16)
+    view.show_frame(counts, live_facts(counts, camera_of(window)))
+    assert view.histogram.getPlotItem().getAxis("left").logMode
+    assert view.clip_line.value() == SATURATION
+    _, heights = view._bars["G"].getData()
+    assert heights.max() == pytest.approx(np.log10(counts.size / 2))
+
+
+def test_the_picture_stands_as_the_camera_sees_it(window: MainWindow):
     view = window.live_view
     counts = np.zeros((120, 160), dtype=np.uint16)
     counts[:60, :80] = SATURATION
-    view.zebra_switch.setChecked(False)
-    view.show_counts(counts)
+    view.switches[CLIPPED].setChecked(False)
+    view.show_frame(counts, live_facts(counts, camera_of(window)))
     shown = view.canvas.grab().toImage()
     x, y = shown.width() // 20, shown.height() // 20
     bright = [shown.pixelColor(i * x, j * y).value() > 128 for j in (8, 12) for i in (8, 12)]
