@@ -22,11 +22,12 @@ from PySide6.QtWidgets import (
 
 from drivers.camera import CameraDescription, Frame
 from drivers.registry import open_devices
-from gui.acquisition import Acquisition, LightSign
+from gui.acquisition import Acquisition, Introduction, LightSign
 from gui.job import Job, Work
 from gui.live_analysis import LiveAnalysis
 from gui.live_view import LiveView
 from gui.protocol_panel import ProtocolPanel
+from gui.rig_panel import RigPanel
 from gui.rig_use import RigUse
 from instrument.config import RigConfig
 from instrument.rig import OpenDevices
@@ -72,7 +73,7 @@ class MainWindow(QMainWindow):
         self.live_view = LiveView()
         self.live_analysis = LiveAnalysis(self)
         self._camera: CameraDescription | None = None
-        self.camera_label = QLabel()
+        self.rig_panel = RigPanel()
         self.exposure_box = _exposure_box()
         self.read_back_label = QLabel()
         self.light_label = QLabel(alignment=Qt.AlignmentFlag.AlignCenter)
@@ -96,7 +97,7 @@ class MainWindow(QMainWindow):
         self.banner.hide()
         self._enable(connected=False)
         self.connect_button.setEnabled(False)
-        self.camera_label.setText("connecting")
+        self.rig_panel.show_state("connecting")
         self.acquisition.start()
 
     def stop(self) -> None:
@@ -115,7 +116,7 @@ class MainWindow(QMainWindow):
         event.accept()
 
     def _wire(self) -> None:
-        self.acquisition.opened.connect(self._show_camera)
+        self.acquisition.opened.connect(self._show_rig)
         self.acquisition.frame_arrived.connect(self._show_frame)
         self.live_analysis.looked.connect(lambda frame, facts: self.live_view.show_frame(frame.counts, facts))
         self.acquisition.exposure_time_read.connect(self._show_exposure_time)
@@ -174,8 +175,9 @@ class MainWindow(QMainWindow):
         if result.finish is not Finish.COMPLETE and not (job is not None and job.stop_asked):
             self._show_failure(result.message)
 
-    def _show_camera(self, camera: CameraDescription) -> None:
-        self.camera_label.setText(f"{camera.make} {camera.model}\n{camera.serial_number}")
+    def _show_rig(self, rig: Introduction) -> None:
+        camera = rig.camera
+        self.rig_panel.show_rig(rig)
         self._camera = camera
         self.live_view.expect(camera)
         limits = camera.exposure_time_limits
@@ -210,7 +212,7 @@ class MainWindow(QMainWindow):
     def _show_disconnected(self) -> None:
         self._until_dark.stop()
         is_busy = self.rig_use.is_busy
-        self.camera_label.setText("in use by the capture" if is_busy else "not connected")
+        self.rig_panel.show_state("in use by the capture" if is_busy else "not connected")
         self._enable(connected=False)
         self.connect_button.setEnabled(not is_busy)
 
@@ -234,11 +236,11 @@ class MainWindow(QMainWindow):
 
     def _left_column(self) -> QVBoxLayout:
         form = QFormLayout()
-        form.addRow("Camera", self.camera_label)
         form.addRow("Exposure time", self.exposure_box)
         form.addRow("Read back", self.read_back_label)
         column = QVBoxLayout()
         column.addWidget(self.light_label)
+        column.addWidget(self.rig_panel)
         column.addLayout(form)
         column.addWidget(self.connect_button)
         column.addWidget(self.live_button)

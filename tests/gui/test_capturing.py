@@ -78,7 +78,7 @@ def test_a_whole_capture_by_clicks(window: MainWindow, qtbot: QtBot, tmp_path: P
     click(qtbot, panel.start_button)
     assert panel.pause_button.isEnabled()
     assert not panel.start_button.isEnabled()
-    qtbot.waitUntil(lambda: window.camera_label.text() == "in use by the capture")
+    qtbot.waitUntil(lambda: window.rig_panel.labels["stage"].text() == "STAGE  in use by the capture")
     assert not window.connect_button.isEnabled()
     qtbot.waitUntil(lambda: "complete" in panel.state_label.text(), timeout=60_000)
     wait_for_end(window, qtbot)

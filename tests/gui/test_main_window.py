@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,9 @@ from pytestqt.qtbot import QtBot
 from drivers.camera import CameraDescription, Frame
 from drivers.clock import RealClock
 from drivers.errors import DeviceError
+from drivers.limits import Limits
 from drivers.registry import Devices
+from drivers.setting import Setting
 from drivers.simulated.camera import SimulatedCamera
 from drivers.simulated.devices import open_simulated
 from drivers.simulated.world import World
@@ -37,14 +40,14 @@ from cli.main import main
 from gui.live_facts import CLIPPED, live_facts
 from gui.main_window import MainWindow
 
-show_camera = MainWindow._show_camera
+show_rig = MainWindow._show_rig
 
-def show_camera_and_interrupt(window, camera):
-    show_camera(window, camera)
+def show_rig_and_interrupt(window, camera):
+    show_rig(window, camera)
     print("interrupted", flush=True)
     signal.raise_signal(signal.SIGINT)
 
-MainWindow._show_camera = show_camera_and_interrupt
+MainWindow._show_rig = show_rig_and_interrupt
 main(["console", "--rig", "examples/simulated.toml"])
 """
 
@@ -124,7 +127,7 @@ def sign(window: MainWindow) -> str:
 def test_opens_dark_and_names_the_camera(window: MainWindow, bench: Bench):
     assert not bench.lit
     assert sign(window) == LightSign.OFF.value
-    assert "simulated camera" in window.camera_label.text()
+    assert "simulated camera" in window.rig_panel.labels["camera"].text()
     assert window.live_view.picture.image is None
 
 
@@ -310,3 +313,21 @@ def test_the_console_ends_in_order_at_ctrl_c():
     assert ended.returncode == 0
     assert ended.stdout == "interrupted\n"
     assert "Traceback" not in ended.stderr
+
+
+def test_every_device_is_shown_with_its_serial_number_and_what_it_allows(window: MainWindow):
+    texts = {kind: label.text() for kind, label in window.rig_panel.labels.items()}
+    assert all(text.startswith(f"{kind.upper()}  connected") for kind, text in texts.items())
+    assert all("serial number sim-5" in text for text in texts.values())
+    assert "160 x 120, 12 bits" in texts["camera"]
+    assert "tilt -" in texts["stage"]
+
+
+def test_the_settings_of_a_device_are_shown_as_they_read_back(window: MainWindow, qtbot: QtBot):
+    with qtbot.waitSignal(window.acquisition.opened) as opened_:
+        window.acquisition.close()
+        window.connect_rig()
+    (rig,) = opened_.args
+    gain = Setting("gain", 3.0, "dB", Limits(0.0, 24.0, "dB"))
+    window.rig_panel.show_rig(rig._replace(camera=replace(rig.camera, settings=(gain,))))
+    assert "gain 3 dB (0 to 24)" in window.rig_panel.labels["camera"].text()
