@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 from pathlib import Path
 
@@ -23,9 +24,11 @@ from PySide6.QtWidgets import (
 from drivers.camera import CameraDescription, Frame
 from drivers.registry import open_devices
 from gui.acquisition import Acquisition, Introduction, LightSign
+from gui.banner import Banner
 from gui.job import Job, Work
 from gui.live_analysis import LiveAnalysis
 from gui.live_view import LiveView
+from gui.log_panel import LogPanel, LogRelay
 from gui.protocol_panel import ProtocolPanel
 from gui.rig_panel import RigPanel
 from gui.rig_use import RigUse
@@ -51,7 +54,6 @@ SIGNS = {state: LightSign.ON if state in (State.RUNNING, State.WARMUP) else Ligh
     State.FINISHING: LightSign.UNKNOWN,
 }
 STOP_STYLE = "background: #c00000; color: white; font: bold 26px; padding: 18px"
-BANNER_STYLE = "background: #c00000; color: white; font: 15px; padding: 8px"
 
 
 class MainWindow(QMainWindow):
@@ -81,8 +83,9 @@ class MainWindow(QMainWindow):
         self.live_button = QPushButton("Live (light on)")
         self.stop_button = QPushButton("STOP (Esc)")
         self.stop_button.setStyleSheet(STOP_STYLE)
-        self.banner = QLabel(wordWrap=True)
-        self.banner.setStyleSheet(BANNER_STYLE)
+        self.banner = Banner()
+        self.log_panel = LogPanel()
+        self._log_relay = LogRelay()
         # A stop can fall just before an exposure: it is repeated until the light is known to be off.
         self._until_dark = QTimer(self, interval=100)
         self.rig_use = RigUse(self.acquisition)
@@ -94,7 +97,6 @@ class MainWindow(QMainWindow):
 
     def connect_rig(self) -> None:
         """Open the rig in the acquisition's thread."""
-        self.banner.hide()
         self._enable(connected=False)
         self.connect_button.setEnabled(False)
         self.rig_panel.show_state("connecting")
@@ -110,6 +112,7 @@ class MainWindow(QMainWindow):
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """Leave the rig dark before the window goes."""
+        logging.getLogger().removeHandler(self._log_relay)
         self.rig_use.close()
         self.acquisition.close()
         self.live_analysis.close()
@@ -124,7 +127,10 @@ class MainWindow(QMainWindow):
         self.acquisition.failed.connect(self._show_failure)
         self.acquisition.finished.connect(self._show_disconnected)
         self.exposure_box.valueChanged.connect(lambda value: self.acquisition.set_exposure_time(value * MS))
+        self.connect_button.clicked.connect(self.banner.acknowledge)
         self.connect_button.clicked.connect(self.connect_rig)
+        self._log_relay.carrier.logged.connect(self.log_panel.add)
+        logging.getLogger().addHandler(self._log_relay)
         self.live_button.clicked.connect(self.acquisition.go_live)
         self.stop_button.clicked.connect(self.stop)
         QShortcut(QKeySequence(Qt.Key.Key_Escape), self).activated.connect(self.stop)
@@ -149,7 +155,7 @@ class MainWindow(QMainWindow):
         self._begin(lambda watch, control: engine.resume(session, watch, self._devices, control))
 
     def _begin(self, work: Work) -> None:
-        self.banner.hide()
+        self.banner.acknowledge()
         self.protocol_panel.show_busy(busy=True)
         self.rig_use.begin(work)
 
@@ -163,6 +169,7 @@ class MainWindow(QMainWindow):
     def _show_progress(self, progress: Progress) -> None:
         self.protocol_panel.show_progress(progress)
         self._show_light(SIGNS[progress.state])
+        self.log_panel.add(logging.INFO, progress.message)
         if progress.warning:
             self._show_failure(progress.warning)
 
@@ -206,8 +213,8 @@ class MainWindow(QMainWindow):
             self._until_dark.stop()
 
     def _show_failure(self, what: str) -> None:
-        self.banner.setText(what)
-        self.banner.show()
+        self.banner.tell(what)
+        self.log_panel.add(logging.ERROR, what)
 
     def _show_disconnected(self) -> None:
         self._until_dark.stop()
@@ -231,8 +238,10 @@ class MainWindow(QMainWindow):
         columns.addWidget(self.protocol_panel)
         rows.addLayout(columns, stretch=1)
         rows.addWidget(self.banner)
+        self.log_panel.setFixedHeight(110)
+        rows.addWidget(self.log_panel)
         self.setCentralWidget(centre)
-        self.resize(1200, 760)
+        self.resize(1280, 860)
 
     def _left_column(self) -> QVBoxLayout:
         form = QFormLayout()
