@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
     QLabel,
     QMainWindow,
     QPushButton,
+    QTabWidget,
     QVBoxLayout,
     QWidget,
 )
@@ -32,6 +33,7 @@ from gui.log_panel import LogPanel, LogRelay
 from gui.protocol_panel import ProtocolPanel
 from gui.rig_panel import RigPanel
 from gui.rig_use import RigUse
+from gui.sessions_tab import SessionsTab
 from instrument.config import RigConfig
 from instrument.rig import OpenDevices
 from protocols import engine
@@ -85,6 +87,7 @@ class MainWindow(QMainWindow):
         self.stop_button.setStyleSheet(STOP_STYLE)
         self.banner = Banner()
         self.log_panel = LogPanel()
+        self.sessions_tab = SessionsTab()
         self._log_relay = LogRelay()
         # A stop can fall just before an exposure: it is repeated until the light is known to be off.
         self._until_dark = QTimer(self, interval=100)
@@ -116,6 +119,7 @@ class MainWindow(QMainWindow):
         self.rig_use.close()
         self.acquisition.close()
         self.live_analysis.close()
+        self.sessions_tab.close_job()
         event.accept()
 
     def _wire(self) -> None:
@@ -136,6 +140,7 @@ class MainWindow(QMainWindow):
         QShortcut(QKeySequence(Qt.Key.Key_Escape), self).activated.connect(self.stop)
         self._until_dark.timeout.connect(self.acquisition.stop)
         self.rig_use.job_began.connect(self._follow)
+        self.sessions_tab.chosen.connect(lambda path: self.protocol_panel.session_edit.setText(str(path)))
         self.rig_use.job_ended.connect(lambda: self.protocol_panel.show_busy(busy=False))
         self.protocol_panel.plan_asked.connect(self._plan)
         self.protocol_panel.start_asked.connect(self._capture)
@@ -233,7 +238,10 @@ class MainWindow(QMainWindow):
         rows = QVBoxLayout(centre)
         columns = QHBoxLayout()
         columns.addLayout(self._left_column())
-        columns.addWidget(self.live_view, stretch=1)
+        self.tabs = QTabWidget()
+        self.tabs.addTab(self.live_view, "Live")
+        self.tabs.addTab(self.sessions_tab, "Sessions")
+        columns.addWidget(self.tabs, stretch=1)
         self.protocol_panel.setFixedWidth(320)
         columns.addWidget(self.protocol_panel)
         rows.addLayout(columns, stretch=1)
