@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Protocol
 
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from analysis import reflectance
 from analysis.atoms import AnyAtom, published
+from analysis.categories import categories
 from analysis.dictionary import Dictionary, from_published
 from analysis.dictionary_build import SUFFIX, build_dictionary
 from analysis.extrapolation import N_ALIKE
@@ -163,14 +163,6 @@ class Collection:
 @cache
 def _others(atoms: tuple[AnyAtom, ...], name: str) -> tuple[AnyAtom, ...]:
     return tuple(atom for atom in atoms if atom.name != name)
-
-
-@cache
-def categories() -> dict[str, str]:
-    """Return the category of each of the 100 materials by its name."""
-    text = (files("benchmarks") / "data" / "merl_categories.csv").read_text(encoding="utf-8")
-    rows = [line.split(",") for line in text.splitlines() if line and not line.startswith("#")]
-    return dict(rows[1:])
 
 
 def collections(request: Request, n_tested: int | None = None, always: tuple[str, ...] = ()) -> tuple[Collection, ...]:

@@ -198,6 +198,7 @@ def relief(
     table: str = "sgd",
     poses: str | Array = "cap",
     n_materials: int = 5,
+    materials: NDArray[np.int64] | None = None,
     offset_mm: float = 12.0,
     wrong: float = 0.0,
     power_error: float = 0.0,
@@ -216,6 +217,8 @@ def relief(
         A key of `POSES`, or the directions of the cameras.
     n_materials : int
         0 = one material that changes from place to place without end (no palette).
+    materials : ndarray of int or None
+        Rows of the table that it is made of; None = drawn at random.
     offset_mm : float
         Of the light from the lens.
     wrong : float
@@ -232,7 +235,8 @@ def relief(
     axis = (np.arange(size) - (size - 1) / 2) * pitch
     x, y = np.meshgrid(axis, -axis)
     z, normals = _surface(x, y, rng, steepness)
-    rows = rng.choice(material_rows(table), max(n_materials, 8 * (n_materials == 0)), replace=False)
+    drawn = rng.choice(material_rows(table), max(n_materials, 8 * (n_materials == 0)), replace=False)
+    rows = drawn if materials is None else materials
     weight = _regions(x, y, len(rows), rng, soft_mm=1.0 if n_materials else 25.0)
     camera = DISTANCE_MM * (POSES[poses](n_views, rng) if isinstance(poses, str) else poses)
     rotation = _level(camera)

@@ -29,6 +29,7 @@ COMMANDS = {
     "report": ("cli.reconstruction:report", "One HTML page of a result."),
     "dictionary": ("cli.dictionary:dictionary", "The BRDF dictionaries that are built in."),
     "bench": ("cli.bench:bench", "Accuracy and speed on simulated scenes, against a reference."),
+    "reproduce": ("cli.reproduce:reproduce", "The paper's experiments, ours against what it states."),
     "console": ("cli.console:console", "The operator's window."),
 }
 

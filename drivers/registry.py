@@ -35,9 +35,11 @@ GROUP = "halfangle.drivers"
 
 _OWN = {
     "camera.genicam": "drivers.genicam.driver:DRIVER",
+    "camera.oak": "drivers.oak.driver:DRIVER",
     "light.scpi": "drivers.scpi_light.driver:DRIVER",
     "light.serial": "drivers.serial_light.driver:DRIVER",
     "stage.grbl": "drivers.grbl.driver:DRIVER",
+    "stage.zaber": "drivers.zaber.driver:DRIVER",
 }
 
 

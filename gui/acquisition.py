@@ -7,12 +7,15 @@ from collections.abc import Callable
 from enum import Enum
 from queue import Empty, SimpleQueue
 from threading import Event
+from typing import NamedTuple
 
 from PySide6.QtCore import QObject, QThread, Signal
 
-from drivers.camera import Camera
+from drivers.camera import Camera, CameraDescription
 from drivers.errors import DeviceError
+from drivers.light import LightDescription
 from drivers.registry import open_devices
+from drivers.stage import StageDescription
 from instrument.config import RigConfig
 from instrument.rig import OpenDevices, Rig
 
@@ -34,6 +37,14 @@ class LightSign(Enum):
     UNKNOWN = "LIGHT UNKNOWN"
 
 
+class Introduction(NamedTuple):
+    """Who the devices of a connected rig are."""
+
+    camera: CameraDescription
+    light: LightDescription
+    stage: StageDescription
+
+
 class Acquisition(QThread):
     """Opens a rig, and exposes each time the window says that it has shown the last frame.
 
@@ -49,7 +60,7 @@ class Acquisition(QThread):
         As in Qt.
     """
 
-    opened = Signal(object)  # CameraDescription
+    opened = Signal(object)  # Introduction
     frame_arrived = Signal(object)  # Frame; the next one waits for `go_on`
     exposure_time_read = Signal(float)  # seconds, as the camera reads back
     light_changed = Signal(object)  # LightSign
@@ -86,14 +97,21 @@ class Acquisition(QThread):
             self._camera.stop()
         self._orders.put(self._go_dark)
 
+    def ask_to_leave(self) -> None:
+        """Go dark and leave the rig soon; ask again until `finished`.
+
+        A stop that falls just before an exposure does not end it, and orders that come while the rig is being opened
+        are dropped.
+        """
+        self.stop()
+        self._orders.put(None)
+
     def close(self) -> None:
         """Go dark, leave the rig and join the thread."""
-        # Again and again: a stop that falls just before an exposure does not end it, and orders that come
-        # while the rig is being opened are dropped. A trigger blocks for a bounded time, so this ends.
+        # A trigger blocks for a bounded time, so this ends.
         ended = False
         while not ended:
-            self.stop()
-            self._orders.put(None)
+            self.ask_to_leave()
             ended = self.wait(100)
 
     def run(self) -> None:
@@ -123,7 +141,7 @@ class Acquisition(QThread):
         description = rig.camera.describe()
         limits = description.exposure_time_limits
         self._set_exposure_time(rig, min(max(self._exposure_time, limits.low), limits.high))
-        self.opened.emit(description)
+        self.opened.emit(Introduction(description, rig.light.describe(), rig.stage.describe()))
 
     def _next_order(self) -> Callable[[Rig], None] | None:
         try:

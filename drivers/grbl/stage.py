@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from drivers.axis_settings import check_target
 from drivers.clock import Clock, RealClock
-from drivers.errors import DeviceError, DeviceLimitError
+from drivers.errors import DeviceError
 from drivers.grbl.codes import bad_state
 from drivers.grbl.controller import GrblController
 from drivers.grbl.firmware import Firmware
 from drivers.grbl.link import HOLD, RESUME, GrblLink
-from drivers.grbl.motion import AxisMotion, duration, fastest_rate
 from drivers.grbl.settings import GrblSettings
+from drivers.motion import AxisMotion, duration, fastest_rate
 from drivers.serial_port import usb_serial_number
 from drivers.stage import StageDescription
 
@@ -172,15 +173,11 @@ class GrblStage:
         missing = [axis.letter for axis in self._settings.axes if axis.i_letter >= len(machine)]
         if missing:
             raise DeviceError(f"the controller reports {len(machine)} axes, without {', '.join(missing)}")
-        return {axis.name: axis.position_from_machine(machine[axis.i_letter]) for axis in self._settings.axes}
+        return {axis.name: axis.position_from_native(machine[axis.i_letter]) for axis in self._settings.axes}
 
     def _check(self, target: Mapping[str, float]) -> None:
         _ = self._controller.link  # before anything is said of the target, there has to be a stage
-        axes = {axis.name: axis.describe() for axis in self._settings.axes}
-        for name, value in target.items():
-            if name not in axes:
-                raise DeviceLimitError(f"the stage has no axis {name!r}; its axes are {', '.join(axes)}")
-            axes[name].soft_limits.check(f"target of axis {name}", value, "Leave that pose out of the plan.")
+        check_target(self._settings.axes, target)
 
     def _words(self, target: Mapping[str, float]) -> str:
         moved = (axis for axis in self._settings.axes if axis.name in target)

@@ -167,6 +167,7 @@ def test_pixels_of_a_palette_are_the_same_for_any_number_of_threads(stack: Stack
     np.testing.assert_array_equal(one.depth, two.depth)
 
 
+@pytest.mark.slow
 def test_the_size_of_the_tiles_does_not_matter(
     stack: Stack, reconstructed: Reconstruction, monkeypatch: pytest.MonkeyPatch
 ):
@@ -210,6 +211,7 @@ def test_a_palette_forced_on_a_black_sample_is_left_with_the_reason():
     assert np.isnan(result.normals).all()
 
 
+@pytest.mark.slow
 def test_a_view_that_sees_nothing_keeps_its_power(stack: Stack):
     radiance = stack.radiance.copy()
     radiance[7] = np.nan

@@ -163,6 +163,7 @@ def test_parallax_is_turned_off_for_a_stack_made_on_the_surface(reconstruction: 
     assert reconstruction.stack.followed is None
 
 
+@pytest.mark.slow
 def test_parallax_can_be_forced_and_says_so(stack: Stack):
     result, choice = chosen(stack, parallax="on")
     assert (choice.chosen, choice.reason) == ("on", "forced by option")

@@ -22,7 +22,10 @@ FOLDER = Path("/usr/share/doc/opencv-doc/examples/data")
 PUBLISHED = {"f": (535.916, 0.88), "cx": (342.283, 0.93), "cy": (235.571, 1.01)}
 BOARD = (Board("checkerboard", "", 0, (10, 7), 25.0, 0.0, (-125.0, 87.5)),)
 
-pytestmark = pytest.mark.skipif(not (FOLDER / "left01.jpg").exists(), reason="package opencv-doc is not installed")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not (FOLDER / "left01.jpg").exists(), reason="package opencv-doc is not installed"),
+]
 
 
 @pytest.fixture(scope="module")

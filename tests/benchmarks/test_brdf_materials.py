@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.atoms import published
+from analysis.categories import categories
 from analysis.merl import cell_angles
 from benchmarks.brdf_materials import (
     LEAST_MATERIALS,
@@ -12,7 +13,6 @@ from benchmarks.brdf_materials import (
     Bank,
     MeasuredBrdf,
     PublishedBrdf,
-    categories,
     collections,
     fitted,
     measured,

@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from drivers.errors import UnsafeError
 from drivers.grbl.codes import ALARMS, ERRORS, alarm, bad_state, refusal
 from drivers.grbl.firmware import Firmware
-from drivers.grbl.motion import AxisMotion, duration
 from drivers.grbl.report import machine_position, parse_report
+from drivers.motion import AxisMotion, duration
 from tests.drivers.grbl_machine import GrblMachine
 from tests.drivers.grbl_stages import TILT, TURN
 
@@ -104,7 +104,7 @@ def test_no_way_takes_no_time():
 def test_machine_units_and_positions_turn_into_each_other(position: float):
     for axis in (TILT, TURN):
         there = axis.machine_from_position(position)
-        assert axis.position_from_machine(there) == pytest.approx(position, abs=0.0006 / abs(axis.scale))
+        assert axis.position_from_native(there) == pytest.approx(position, abs=0.0006 / abs(axis.scale))
 
 
 def test_travel_is_negative_unless_homing_sets_the_origin_towards_it():

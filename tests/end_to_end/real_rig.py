@@ -83,6 +83,8 @@ class RealRig:
         self.rig.write_text(HEAD + CAMERA + "\n" + SCPI + "\n" + STAGE.format(port=self.port))
         self.protocol.write_text(PROTOCOL)
         self.plug_light_in()
+        # Of the command that starts halfangle.
+        self.prefix: list[str] = []
 
     @property
     def record(self) -> Path:
@@ -108,6 +110,13 @@ class RealRig:
         self.port.unlink(missing_ok=True)
         self.port.symlink_to(stage.port)
 
+    def forbid_stage(self) -> None:
+        """Let nobody open its port, the administrator included: that one gives up its privilege."""
+        Path(self.stage.port).chmod(0)
+        if os.geteuid() == 0:
+            taken = "-dac_override,-dac_read_search"
+            self.prefix = ["setpriv", f"--bounding-set={taken}", f"--inh-caps={taken}"]
+
     def unplug_light(self) -> None:
         (self.folder / "unplug").touch()
         (self.folder / "device.json").unlink(missing_ok=True)
@@ -123,7 +132,7 @@ class RealRig:
         usb_site = Path(__file__).parents[1] / "drivers" / "usb_site"
         path = os.pathsep.join([str(usb_site), str(ROOT), *os.environ.get("PYTHONPATH", "").split(os.pathsep)])
         environment = os.environ | {"PYTHONPATH": path, "HALFANGLE_TEST_USB": str(self.folder)}
-        command = [sys.executable, "-c", "from cli.main import main; main()", *map(str, words)]
+        command = [*self.prefix, sys.executable, "-c", "from cli.main import main; main()", *map(str, words)]
         pipe = subprocess.PIPE
         return subprocess.Popen(command, env=environment, stdout=pipe, stderr=pipe, text=True)
 

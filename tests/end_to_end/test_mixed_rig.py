@@ -92,6 +92,7 @@ no_light = at_once(lambda rig, _: rig.unplug_light())
 light_forbidden = at_once(lambda rig, _: rig.plug_light_in(open_error=errno.EACCES))
 light_busy = at_once(lambda rig, _: rig.plug_light_in(claim_error=errno.EBUSY))
 other_light = at_once(lambda rig, _: rig.plug_light_in(new={"identity": "Acme,PS-1,7,1.0"}))
+stage_forbidden = at_once(lambda rig, _: rig.forbid_stage())
 no_port = at_once(lambda rig, _: rig.change(f'"{rig.port}"', '"/dev/ttyACM77"'))
 other_travel = at_once(lambda rig, _: rig.change("scale = -1.0", "scale = -9.0"))
 
@@ -101,6 +102,9 @@ other_travel = at_once(lambda rig, _: rig.change("scale = -1.0", "scale = -9.0")
     [
         pytest.param(no_light, "no USB device 1313:80c8; found: no USB device at all", id="no light"),
         pytest.param(no_port, "cannot open /dev/ttyACM77. There is no such port", id="no stage"),
+        pytest.param(
+            stage_forbidden, "You have no permission. Join the group that owns the port", id="stage forbidden"
+        ),
         pytest.param(camera_swapped, "has serial number T", id="another camera"),
         *(
             pytest.param(breaking, message, id=id_, marks=pytest.mark.slow)
@@ -130,6 +134,7 @@ def test_a_device_that_cannot_be_used_is_one_message_and_nothing_is_left_open_or
     assert not rig.session.exists()
     # The controller may have shone before, as its panel told it; nobody told it to now.
     assert rig.n_flashes <= 1
+    Path(rig.stage.port).chmod(0o600)
     with serial.Serial(rig.stage.port, exclusive=True):
         pass
 

@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +15,18 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from drivers.camera import Frame
+from drivers.camera import CameraDescription, Frame
 from drivers.clock import RealClock
 from drivers.errors import DeviceError
+from drivers.limits import Limits
 from drivers.registry import Devices
+from drivers.setting import Setting
 from drivers.simulated.camera import SimulatedCamera
 from drivers.simulated.devices import open_simulated
 from drivers.simulated.world import World
 from gui import acquisition
 from gui.acquisition import LightSign
+from gui.live_facts import CLIPPED, live_facts
 from gui.main_window import MainWindow
 from instrument.config import RigConfig
 from instrument.config_problems import validate
@@ -33,16 +37,17 @@ SATURATION = 4095
 INTERRUPTED_CONSOLE = """
 import signal
 from cli.main import main
+from gui.live_facts import CLIPPED, live_facts
 from gui.main_window import MainWindow
 
-show_camera = MainWindow._show_camera
+show_rig = MainWindow._show_rig
 
-def show_camera_and_interrupt(window, camera):
-    show_camera(window, camera)
+def show_rig_and_interrupt(window, camera):
+    show_rig(window, camera)
     print("interrupted", flush=True)
     signal.raise_signal(signal.SIGINT)
 
-MainWindow._show_camera = show_camera_and_interrupt
+MainWindow._show_rig = show_rig_and_interrupt
 main(["console", "--rig", "examples/simulated.toml"])
 """
 
@@ -122,18 +127,20 @@ def sign(window: MainWindow) -> str:
 def test_opens_dark_and_names_the_camera(window: MainWindow, bench: Bench):
     assert not bench.lit
     assert sign(window) == LightSign.OFF.value
-    assert "simulated camera" in window.camera_label.text()
+    assert "simulated camera" in window.rig_panel.labels["camera"].text()
     assert window.live_view.picture.image is None
 
 
 def test_shows_raw_counts_with_the_light_on_once_live(window: MainWindow, bench: Bench, qtbot: QtBot):
-    go_live(window, qtbot)
+    with qtbot.waitSignal(window.live_analysis.looked) as looked:
+        go_live(window, qtbot)
     assert bench.lit
     assert sign(window) == LightSign.ON.value
-    image = window.live_view.picture.image
-    assert image.shape == (120, 160)
-    assert image.dtype == np.uint16
-    assert image.max() > 255
+    frame, facts = looked.args
+    assert frame.counts.dtype == np.uint16
+    assert frame.counts.max() > 255
+    assert facts.shown.shape == (120, 160)
+    qtbot.waitUntil(lambda: window.live_view.picture.image is not None)
 
 
 def test_triggers_in_a_thread_of_its_own(qtbot: QtBot):
@@ -220,6 +227,8 @@ def test_a_failing_camera_shows_in_the_banner_with_the_light_off(doomed: tuple[M
     click(window.live_button, qtbot)
     qtbot.waitUntil(window.acquisition.isFinished)
     qtbot.waitUntil(window.banner.isVisible)
+    # The end of the thread is heard of last.
+    qtbot.waitUntil(window.connect_button.isEnabled)
     assert window.banner.text() == "the camera was unplugged. Plug it in and connect again."
     assert sign(window) == LightSign.OFF.value
     assert not bench.lit
@@ -257,24 +266,39 @@ def test_the_light_goes_out_when_the_window_hangs(
     assert "asked for no frame" in window.banner.text()
 
 
-def test_marks_clipped_pixels_in_red_and_no_others(qtbot: QtBot, window: MainWindow):
+def camera_of(window: MainWindow) -> CameraDescription:
+    assert window._camera is not None
+    return window._camera
+
+
+def test_marks_clipped_pixels_and_no_others(window: MainWindow):
     view = window.live_view
     counts = np.full((120, 160), SATURATION - 1, dtype=np.uint16)
     counts[3, 5] = SATURATION
-    view.show_counts(counts)
-    assert np.argwhere(view.zebra.image[..., 3]).tolist() == [[3, 5]]
-    assert "1 of 19200 pixels clipped" in view.counts_label.text()
-    assert view.zebra.isVisible()
-    view.zebra_switch.setChecked(False)
-    assert not view.zebra.isVisible()
+    view.show_frame(counts, live_facts(counts, camera_of(window)))
+    assert np.argwhere(view.marks.image == CLIPPED).tolist() == [[3, 5]]
+    assert "0.01 % clipped" in view.counts_label.text()
+    assert view.marks.lut[CLIPPED, 3] == 255
+    view.switches[CLIPPED].setChecked(False)
+    assert view.marks.lut[CLIPPED, 3] == 0
 
 
-def test_the_picture_stands_as_the_camera_sees_it(qtbot: QtBot, window: MainWindow):
+def test_the_histogram_has_a_logarithmic_axis_and_a_line_where_it_clips(window: MainWindow):
+    view = window.live_view
+    counts = np.full((120, 160), 1000, dtype=np.uint16)
+    view.show_frame(counts, live_facts(counts, camera_of(window)))
+    assert view.histogram.getPlotItem().getAxis("left").logMode
+    assert view.clip_line.value() == SATURATION
+    _, heights = view._bars["G"].getData()
+    assert heights.max() == pytest.approx(np.log10(counts.size / 2))
+
+
+def test_the_picture_stands_as_the_camera_sees_it(window: MainWindow):
     view = window.live_view
     counts = np.zeros((120, 160), dtype=np.uint16)
     counts[:60, :80] = SATURATION
-    view.zebra_switch.setChecked(False)
-    view.show_counts(counts)
+    view.switches[CLIPPED].setChecked(False)
+    view.show_frame(counts, live_facts(counts, camera_of(window)))
     shown = view.canvas.grab().toImage()
     x, y = shown.width() // 20, shown.height() // 20
     bright = [shown.pixelColor(i * x, j * y).value() > 128 for j in (8, 12) for i in (8, 12)]
@@ -289,3 +313,21 @@ def test_the_console_ends_in_order_at_ctrl_c():
     assert ended.returncode == 0
     assert ended.stdout == "interrupted\n"
     assert "Traceback" not in ended.stderr
+
+
+def test_every_device_is_shown_with_its_serial_number_and_what_it_allows(window: MainWindow):
+    texts = {kind: label.text() for kind, label in window.rig_panel.labels.items()}
+    assert all(text.startswith(f"{kind.upper()}  connected") for kind, text in texts.items())
+    assert all("serial number sim-5" in text for text in texts.values())
+    assert "160 x 120, 12 bits" in texts["camera"]
+    assert "tilt -" in texts["stage"]
+
+
+def test_the_settings_of_a_device_are_shown_as_they_read_back(window: MainWindow, qtbot: QtBot):
+    with qtbot.waitSignal(window.acquisition.opened) as opened_:
+        window.acquisition.close()
+        window.connect_rig()
+    (rig,) = opened_.args
+    gain = Setting("gain", 3.0, "dB", Limits(0.0, 24.0, "dB"))
+    window.rig_panel.show_rig(rig._replace(camera=replace(rig.camera, settings=(gain,))))
+    assert "gain 3 dB (0 to 24)" in window.rig_panel.labels["camera"].text()

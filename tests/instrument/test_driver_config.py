@@ -47,7 +47,7 @@ def test_a_rig_of_real_devices_is_valid(tmp_path: Path, light: str) -> None:
         ("[1.0, 0.0, 0.0]\nsoft", "[1.0, 1.0, 0.0]\nsoft", "axes[0]: vector has length 1.41421; it must be 1"),
         ("[-65.0, 65.0]", "[5.0, 1.0]", "axes[0]: soft_limits are 5 to 1; the first must be"),
         ("tolerance = 0.02", "tolerance = 0.0", "axes[0].tolerance is 0.0; it must be greater than 0"),
-        ("tolerance = 0.02", "tolerance = 1\nscale = 0.0", "scale is 0; state the firmware's units"),
+        ("tolerance = 0.02", "tolerance = 1\nscale = 0.0", "scale is 0; state the device's units"),
         ("tolerance = 0.02", "tolerance = 1\nspeed = 3", "unknown key 'speed' in [stage.device.axes[0]]"),
         ('driver = "grbl"', 'driver = "gbrl"', "stage.driver is 'gbrl'; known drivers of a stage: simulated, "),
         ('driver = "grbl"', 'driver = "gbrl"', "Did you mean 'grbl'?"),

@@ -1,0 +1,78 @@
+"""`halfangle reproduce`: the paper's experiments."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+SUMMARY = ("name", "status", "ours", "stated", "verdict", "why", "seconds")
+
+
+@click.command(epilog="Example: halfangle reproduce slices baseline --quick -o reproduction")
+@click.argument("names", nargs=-1, metavar="[NAME]...")
+@click.option(
+    "--merl", type=click.Path(path_type=Path, exists=True, file_okay=False), help="Folder of MERL's .binary files."
+)
+@click.option(
+    "--quick", is_flag=True, help="Ten minutes instead of up to three hours: fewer materials, smaller scenes."
+)
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=2017, show_default=True, help="Of what is random.")
+@click.option(
+    "-o",
+    "--output",
+    "folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("reproduction"),
+    show_default=True,
+    help="Folder for tables, figures and reproduction.md; a later run goes on in it.",
+)
+@click.option("--json", "json_file", type=click.Path(path_type=Path, dir_okay=False), help="Write a summary here.")
+@click.option(
+    "--page", type=click.Path(path_type=Path, dir_okay=False), help="Write the page here too, with its pictures."
+)
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing while working.")
+def reproduce(
+    names: tuple[str, ...], merl: Path | None, quick: bool, seed: int, folder: Path, json_file: Path | None,
+    page: Path | None, quiet: bool,
+) -> None:  # fmt: skip
+    """Run the experiments of the paper's supplement, all or those named, and hold ours against what it states.
+
+    What was run before in the same way is not run again. Exit 1 if an experiment failed, 3 if one was skipped.
+    """
+    from benchmarks import reproduce as reproduction
+    from benchmarks.reproduction_page import write_page
+    from cli.output import stage_announcer, write_json
+
+    reproduction.check_names(names)
+    folder.mkdir(parents=True, exist_ok=True)
+    click.echo(f"seed {seed}")
+    results = []
+    announce = stage_announcer(quiet) or (lambda _: None)
+    for result in reproduction.reproduce(
+        names or reproduction.NAMES, folder, quick=quick, seed=seed, merl=merl, announce=announce
+    ):
+        results.append(result)
+        click.echo(_line(result))
+    summary = {"quick": quick, "seed": seed, "experiments": [{key: r.get(key) for key in SUMMARY} for r in results]}
+    write_json(folder / "reproduction.json", summary)
+    if json_file is not None:
+        write_json(json_file, summary)
+    for target in (folder / "reproduction.md", page):
+        if target is not None:
+            write_page(target, folder, results, summary)
+    _leave({result["status"] for result in results})
+
+
+def _line(result: dict[str, Any]) -> str:
+    told = result["ours"] if result["status"] == "ok" else result["why"]
+    return f"{result['name']:<16} {result['verdict'] or result['status']:<14} {told} ({result['seconds']:.0f} s)"
+
+
+def _leave(statuses: set[str]) -> None:
+    if "failed" in statuses:
+        sys.exit(1)
+    if "skipped" in statuses:
+        sys.exit(3)

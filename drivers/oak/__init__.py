@@ -1,0 +1,1 @@
+"""Cameras of Luxonis, by their SDK depthai."""

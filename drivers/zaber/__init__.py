@@ -1,0 +1,1 @@
+"""Stages of Zaber's devices with the ASCII protocol."""

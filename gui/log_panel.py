@@ -1,0 +1,61 @@
+"""What happened, line by line with its time, filtered by level."""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from datetime import datetime
+
+from PySide6.QtCore import QObject, Signal
+from PySide6.QtWidgets import QComboBox, QPlainTextEdit, QVBoxLayout, QWidget
+
+LEVELS = {"All": logging.DEBUG, "Information": logging.INFO, "Warnings": logging.WARNING, "Errors": logging.ERROR}
+_MOST_LINES = 2000
+
+
+class LogRelay(logging.Handler):
+    """Carries what any thread logs to the window's thread."""
+
+    class Carrier(QObject):
+        """Has the signal, which a handler cannot have itself."""
+
+        logged = Signal(int, str)  # level, text
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.carrier = self.Carrier()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Send a record on; Python's logging calls this in the thread that logs."""
+        self.carrier.logged.emit(record.levelno, record.getMessage())
+
+
+class LogPanel(QWidget):
+    """Shows the newest lines of the level that is chosen, and graver ones."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._lines: deque[tuple[int, str]] = deque(maxlen=_MOST_LINES)
+        self._newest = ""
+        self.level_box = QComboBox()
+        self.level_box.addItems(list(LEVELS))
+        self.level_box.setCurrentText("Information")
+        self.level_box.currentTextChanged.connect(self._show_all)
+        self.text = QPlainTextEdit(readOnly=True, maximumBlockCount=_MOST_LINES)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.addWidget(self.level_box)
+        column.addWidget(self.text)
+
+    def add(self, level: int, text: str) -> None:
+        """Add a line with the time of now; what has just been said is not said again."""
+        if text == self._newest:
+            return
+        self._newest = text
+        line = f"{datetime.now():%H:%M:%S}  {logging.getLevelName(level):<8}  {text}"
+        self._lines.append((level, line))
+        if level >= LEVELS[self.level_box.currentText()]:
+            self.text.appendPlainText(line)
+
+    def _show_all(self, name: str) -> None:
+        self.text.setPlainText("\n".join(line for level, line in self._lines if level >= LEVELS[name]))

@@ -1,0 +1,138 @@
+"""What to capture, and how far it is: protocol, session, preflight, Start, Pause, Abort, Resume, progress."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import (
+    QFileDialog,
+    QFormLayout,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QProgressBar,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from protocols.progress import Progress, duration
+
+PROTOCOLS = "Protocols (*.toml *.py)"
+SESSIONS = "Sessions (*.h5)"
+
+
+class ProtocolPanel(QWidget):
+    """Says what the operator asks for, and shows what it is told."""
+
+    plan_asked = Signal(Path)  # the protocol
+    start_asked = Signal(Path, Path)  # the protocol, the session to write
+    resume_asked = Signal(Path)  # the session
+    pause_asked = Signal()
+    abort_asked = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.protocol_edit = QLineEdit(placeholderText="protocol.toml")
+        self.session_edit = QLineEdit(placeholderText="session.h5")
+        self.plan_button = QPushButton("&Check and estimate")
+        self.start_button = QPushButton("&Start")
+        self.pause_button = QPushButton("&Pause after this pose")
+        self.abort_button = QPushButton("&Abort now")
+        self.resume_button = QPushButton("&Resume the session")
+        self.bar = QProgressBar()
+        self.outlook_label = _selectable("")
+        self.state_label = _selectable("nothing has begun")
+        self._lay_out()
+        self._wire()
+        self.show_busy(busy=False)
+
+    @property
+    def protocol(self) -> Path:
+        """The protocol that is named."""
+        return Path(self.protocol_edit.text())
+
+    @property
+    def session(self) -> Path:
+        """The session that is named."""
+        return Path(self.session_edit.text())
+
+    def show_busy(self, *, busy: bool) -> None:
+        """Let be asked for what can be done: with the rig in use, or free."""
+        has_protocol, has_session = bool(self.protocol_edit.text()), bool(self.session_edit.text())
+        self.plan_button.setEnabled(not busy and has_protocol)
+        self.start_button.setEnabled(not busy and has_protocol and has_session)
+        self.resume_button.setEnabled(not busy and has_session)
+        self.pause_button.setEnabled(busy)
+        self.abort_button.setEnabled(busy)
+        for edit in (self.protocol_edit, self.session_edit):
+            edit.setReadOnly(busy)
+
+    def show_progress(self, progress: Progress) -> None:
+        """Show one report of a capture."""
+        self.bar.setMaximum(max(progress.n_poses, 1))
+        self.bar.setValue(progress.n_complete)
+        left = "" if math.isnan(progress.remaining) else f"; about {duration(progress.remaining)} left"
+        self.state_label.setText(
+            f"{progress.message}\n{progress.n_complete} of {progress.n_poses} poses, {progress.n_frames} frames{left}"
+        )
+
+    def show_outlook(self, text: str) -> None:
+        """Show what a capture would do."""
+        self.outlook_label.setText(text)
+
+    def show_end(self, text: str) -> None:
+        """Show how a capture ended."""
+        self.state_label.setText(text)
+
+    def _wire(self) -> None:
+        for edit in (self.protocol_edit, self.session_edit):
+            edit.textChanged.connect(lambda _: self.show_busy(busy=False))
+        self.plan_button.clicked.connect(lambda: self.plan_asked.emit(self.protocol))
+        self.start_button.clicked.connect(lambda: self.start_asked.emit(self.protocol, self.session))
+        self.resume_button.clicked.connect(lambda: self.resume_asked.emit(self.session))
+        self.pause_button.clicked.connect(self.pause_asked)
+        self.abort_button.clicked.connect(self.abort_asked)
+
+    def _lay_out(self) -> None:
+        form = QFormLayout()
+        form.addRow("&Protocol", self._with_dialog(self.protocol_edit, PROTOCOLS, save=False))
+        form.addRow("Sess&ion", self._with_dialog(self.session_edit, SESSIONS, save=True))
+        buttons = QGridLayout()
+        for i, button in enumerate((self.start_button, self.pause_button, self.resume_button, self.abort_button)):
+            buttons.addWidget(button, i // 2, i % 2)
+        column = QVBoxLayout(self)
+        column.addLayout(form)
+        column.addWidget(self.plan_button)
+        column.addWidget(self.outlook_label)
+        column.addLayout(buttons)
+        column.addWidget(self.bar)
+        column.addWidget(self.state_label)
+        column.addStretch()
+
+    def _with_dialog(self, edit: QLineEdit, kinds: str, *, save: bool) -> QWidget:
+        button = QPushButton("…")
+        button.setAccessibleName("Choose a file")
+        choose = QFileDialog.getSaveFileName if save else QFileDialog.getOpenFileName
+
+        def ask() -> None:
+            name, _ = choose(self, "Choose a file", edit.text(), kinds)
+            if name:
+                edit.setText(name)
+
+        button.clicked.connect(ask)
+        row = QWidget()
+        layout = QHBoxLayout(row)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(edit, stretch=1)
+        layout.addWidget(button)
+        return row
+
+
+def _selectable(text: str) -> QLabel:
+    label = QLabel(text, wordWrap=True)
+    label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+    return label
