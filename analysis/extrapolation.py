@@ -69,8 +69,10 @@ def complete_brdf(theta_h: Array, curve: Array, sigma: Array, dictionary: Dictio
     """Estimate the BRDF over all angles from samples of its slice theta_d = 0.
 
     With y = log(f n.l n.v / g + offset), g the level of the seen samples, and atoms weighted by their
-    likeness to the curve: y = m + C' K^-1 (y_seen - m_seen), K = cov(seen) + noise + misfit^2,
-    C = cov(seen, all). The result scales with the curve.
+    likeness to the curve: y = m + C' K^-1 (y_seen - m_seen) + e, K = cov(seen) + noise + misfit^2,
+    C = cov(seen, all). What the dictionary misses on the slice, e = misfit^2 K^-1 (y_seen - m_seen), is taken for the
+    material's own and the same at all theta_d, as a lobe's shape over theta_h nearly is. The result scales with the
+    curve.
 
     Parameters
     ----------
@@ -93,7 +95,7 @@ def complete_brdf(theta_h: Array, curve: Array, sigma: Array, dictionary: Dictio
     seen = np.log(np.maximum(curve * weight / level, 0.0) + OFFSET)
     noise = (sigma * weight / level / np.exp(seen)) ** 2
     prior = _Prior.around(seen, theta_h, materials_of(dictionary))
-    y, variance = prior.condition(seen, noise)
+    y, variance = prior.condition(seen, noise, theta_h)
     y = prior.bounded(y.reshape(len(THETA_H), len(THETA_D)), theta_h)
     weighted = np.maximum(np.exp(y) - OFFSET, 0.1 * OFFSET)
     log_sigma = np.sqrt(variance.reshape(y.shape)) * (weighted + OFFSET) / weighted
@@ -199,14 +201,16 @@ class _Prior:
         mean_seen, mean, root = weight @ log_slice, weight @ flat, np.sqrt(weight)[:, None]
         return cls(log_nodes, mean_seen, mean, root * (log_slice - mean_seen), root * (flat - mean))
 
-    def condition(self, seen: Array, noise: Array) -> tuple[Array, Array]:
-        """Return mean and variance at all nodes given `seen` with variances `noise`."""
+    def condition(self, seen: Array, noise: Array, theta_h: Array) -> tuple[Array, Array]:
+        """Return mean and variance at all nodes given `seen` with variances `noise` at `theta_h`."""
         d = seen - self.mean_seen
         covariance = self.root_seen.T @ self.root_seen + np.diag(noise)
         misfit = max(MISFITS, key=lambda e: _log_evidence(covariance, float(e), d))
         L = np.linalg.cholesky(covariance + misfit**2 * np.eye(len(d)))
         M = solve_triangular(L, self.root_seen.T @ self.root, lower=True)
-        y = self.mean + M.T @ solve_triangular(L, d, lower=True)
+        z = solve_triangular(L, d, lower=True)
+        missed = misfit**2 * solve_triangular(L, z, lower=True, trans="T")
+        y = self.mean + M.T @ z + np.repeat(_at_nodes(theta_h, missed), len(THETA_D))
         variance = np.sum(self.root**2, axis=0) - np.sum(M**2, axis=0)
         # A curve that the dictionary misses on the slice is missed by as much elsewhere.
         return y, np.maximum(variance, 0.0) + misfit**2
@@ -241,6 +245,13 @@ def _interpolation(theta_h: Array) -> Array:
     """Return the matrix that interpolates from the nodes to `theta_h`, linear in t = sqrt(1 - cos theta_h)."""
     t, nodes = np.sqrt(1.0 - np.cos(theta_h)), np.sqrt(1.0 - np.cos(THETA_H))
     return np.stack([np.interp(t, nodes, row) for row in np.eye(len(nodes))], axis=1)
+
+
+def _at_nodes(theta_h: Array, curve: Array) -> Array:
+    """Interpolate a curve to the nodes, linear in t = sqrt(1 - cos theta_h), constant beyond its ends."""
+    order = np.argsort(theta_h)
+    t, nodes = np.sqrt(1.0 - np.cos(theta_h[order])), np.sqrt(1.0 - np.cos(THETA_H))
+    return np.interp(nodes, t, curve[order])
 
 
 def _form_sigma(largest_theta_h: float) -> Array:

@@ -54,6 +54,18 @@ def test_what_was_seen_is_kept():
     np.testing.assert_allclose(result.value[seen, 0], atom_on_nodes(GOLD_PAINT)[seen, 0], rtol=0.02)
 
 
+@pytest.mark.parametrize("name", ["brass", "black-obsidian"])
+def test_a_curve_that_the_dictionary_cannot_say_is_kept_where_it_was_seen(name: str):
+    """What it misses on the slice is the material's own, so it holds beside the slice as well."""
+    atom = next(atom for atom in from_published("sgd").atoms if atom.name == name)
+    dense = np.deg2rad(np.linspace(0.0, np.sqrt(60.0), 100) ** 2)
+    result = completed(atom, noise=0.01, theta_h=dense, dictionary=without("abc", name))
+    error = np.abs(result.value / atom_on_nodes(atom) - 1.0)[NODES_H_DEG <= 60.0]
+    assert np.median(error[:, 0]) < 1e-3
+    # The dictionary alone is out by 90 and 140 %.
+    assert np.sqrt(np.mean(error[:, :2] ** 2)) < 0.15
+
+
 def test_a_lambertian_curve_stays_lambertian_except_where_the_band_is_wide():
     """A peak narrower than the smallest angle seen cannot be ruled out: white acrylic looks like this too."""
     result = completed(Atom("lambert"))
