@@ -6,6 +6,8 @@ import logging
 import signal
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from PySide6.QtCore import QSignalBlocker, Qt, QTimer
 from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
@@ -27,10 +29,12 @@ from drivers.registry import open_devices
 from gui.acquisition import Acquisition, Introduction, LightSign
 from gui.banner import Banner
 from gui.job import Job, Work
-from gui.live_analysis import LiveAnalysis
+from gui.live_facts import LiveFacts, live_facts
 from gui.live_view import LiveView
 from gui.log_panel import LogPanel, LogRelay
+from gui.newest import Newest
 from gui.protocol_panel import ProtocolPanel
+from gui.result_tab import ResultTab
 from gui.rig_panel import RigPanel
 from gui.rig_use import RigUse
 from gui.sessions_tab import SessionsTab
@@ -75,7 +79,7 @@ class MainWindow(QMainWindow):
         self._config, self._devices = config, devices
         self.acquisition = Acquisition(config, devices, self)
         self.live_view = LiveView()
-        self.live_analysis = LiveAnalysis(self)
+        self.live_analysis = Newest(_looked_at, self)
         self._camera: CameraDescription | None = None
         self.rig_panel = RigPanel()
         self.exposure_box = _exposure_box()
@@ -88,6 +92,7 @@ class MainWindow(QMainWindow):
         self.banner = Banner()
         self.log_panel = LogPanel()
         self.sessions_tab = SessionsTab()
+        self.result_tab = ResultTab()
         self._log_relay = LogRelay()
         # A stop can fall just before an exposure: it is repeated until the light is known to be off.
         self._until_dark = QTimer(self, interval=100)
@@ -120,12 +125,13 @@ class MainWindow(QMainWindow):
         self.acquisition.close()
         self.live_analysis.close()
         self.sessions_tab.close_job()
+        self.result_tab.close_job()
         event.accept()
 
     def _wire(self) -> None:
         self.acquisition.opened.connect(self._show_rig)
         self.acquisition.frame_arrived.connect(self._show_frame)
-        self.live_analysis.looked.connect(lambda frame, facts: self.live_view.show_frame(frame.counts, facts))
+        self.live_analysis.done.connect(lambda seen: self.live_view.show_frame(*seen))
         self.acquisition.exposure_time_read.connect(self._show_exposure_time)
         self.acquisition.light_changed.connect(self._show_light)
         self.acquisition.failed.connect(self._show_failure)
@@ -200,7 +206,7 @@ class MainWindow(QMainWindow):
 
     def _show_frame(self, frame: Frame) -> None:
         if self._camera is not None:
-            self.live_analysis.look(frame, self._camera)
+            self.live_analysis.ask((frame, self._camera))
         # The next exposure goes on while this frame is looked at.
         self.acquisition.go_on()
 
@@ -241,6 +247,7 @@ class MainWindow(QMainWindow):
         self.tabs = QTabWidget()
         self.tabs.addTab(self.live_view, "Live")
         self.tabs.addTab(self.sessions_tab, "Sessions")
+        self.tabs.addTab(self.result_tab, "Result")
         columns.addWidget(self.tabs, stretch=1)
         self.protocol_panel.setFixedWidth(320)
         columns.addWidget(self.protocol_panel)
@@ -264,6 +271,11 @@ class MainWindow(QMainWindow):
         column.addStretch()
         column.addWidget(self.stop_button)
         return column
+
+
+def _looked_at(taken: tuple[Frame, CameraDescription]) -> tuple[NDArray[np.uint16], LiveFacts]:
+    frame, camera = taken
+    return frame.counts, live_facts(frame.counts, camera)
 
 
 def _exposure_box() -> QDoubleSpinBox:

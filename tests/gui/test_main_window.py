@@ -132,13 +132,13 @@ def test_opens_dark_and_names_the_camera(window: MainWindow, bench: Bench):
 
 
 def test_shows_raw_counts_with_the_light_on_once_live(window: MainWindow, bench: Bench, qtbot: QtBot):
-    with qtbot.waitSignal(window.live_analysis.looked) as looked:
+    with qtbot.waitSignal(window.live_analysis.done) as looked:
         go_live(window, qtbot)
     assert bench.lit
     assert sign(window) == LightSign.ON.value
-    frame, facts = looked.args
-    assert frame.counts.dtype == np.uint16
-    assert frame.counts.max() > 255
+    ((counts, facts),) = looked.args
+    assert counts.dtype == np.uint16
+    assert counts.max() > 255
     assert facts.shown.shape == (120, 160)
     qtbot.waitUntil(lambda: window.live_view.picture.image is not None)
 
