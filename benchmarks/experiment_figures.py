@@ -28,7 +28,9 @@ N_COLOURS = 224
 
 
 @contextmanager
-def drawn(path: Path, n_rows: int, n_columns: int, width: float, height: float, **options: Any) -> Iterator[Any]:
+def drawn(
+    path: Path, n_rows: int, n_columns: int, width: float, height: float, *, shaded: bool = False, **options: Any
+) -> Iterator[Any]:
     """Yield the axes of a figure of so many inches, shape (n_rows, n_columns); write it when they are drawn on.
 
     Parameters
@@ -38,6 +40,8 @@ def drawn(path: Path, n_rows: int, n_columns: int, width: float, height: float, 
     n_rows, n_columns : int
     width, height : float
         Inches, at `DPI`.
+    shaded : bool
+        It shows pictures with smooth shades rather than lines.
     **options
         Of `matplotlib.figure.Figure.subplots`.
     """
@@ -47,6 +51,8 @@ def drawn(path: Path, n_rows: int, n_columns: int, width: float, height: float, 
         yield axes
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=DPI)
-    # Renderings do not compress; with a palette the file is a third.
+    # With a palette the file is a third. The thin line of a colour of its own must keep it; shades must not show steps.
+    method = Image.Quantize.MEDIANCUT if shaded else Image.Quantize.MAXCOVERAGE
     with Image.open(path) as image:
-        image.convert("RGB").quantize(N_COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+        small = image.convert("RGB").quantize(N_COLOURS, method, dither=Image.Dither.NONE)
+    small.save(path, optimize=True)

@@ -109,7 +109,10 @@ def _best_beside(Q: Array, chosen: list[int]) -> int:
 
 @lru_cache(maxsize=4)
 def directions(bank: Bank, domain: Domain) -> Indices:
-    """Return the nodes to sample, chosen once for all the materials of the dictionary."""
+    """Return the nodes to sample, chosen once for all materials of the dictionary.
+
+    Of measured materials the one to be tested is among them, which favours the method by one in a hundred.
+    """
     basis = LogRelativeBasis.from_atoms(bank.atoms(DOMAIN), _weight(domain))
     every = np.linspace(0, len(basis.mean) - 1, N_CANDIDATES).round().astype(np.int64)
     return choose_directions(basis.scaled_components(N_DIRECTIONS), N_DIRECTIONS, every)

@@ -47,7 +47,7 @@ ALL = "all"
 QUICK_MATERIALS = 50
 COLOURS = {name: f"C{k % 10}" for k, name in enumerate(METHODS)} | {OURS: "black"}
 STAND_IN = (
-    "The materials are fits, nearly the same at all phi_d, so the bivariate model has next to no error here (below the "
+    "The materials are fits, nearly the same at all phi_d, so the bivariate model has next to no error here (off the "
     "figure); ABC fits are themselves of Cook and Torrance's kind, which helps that model there."
 )
 

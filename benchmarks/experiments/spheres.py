@@ -208,7 +208,7 @@ def _shown(found: list[Rendered]) -> list[Rendered]:
 
 def _figure(found: list[Rendered], path: Path) -> Path:
     half = (len(found) + 1) // 2
-    with drawn(path, half, 2, 8.8, 1.95 * half + 0.2) as axes:
+    with drawn(path, half, 2, 8.8, 1.95 * half + 0.2, shaded=True) as axes:
         for ax, rendered in zip(axes.T.ravel(), found, strict=False):
             rows = [np.concatenate(pictures, axis=1) for pictures in (rendered.ours, rendered.truth)]
             ax.imshow(np.concatenate(rows, axis=0))

@@ -1,3 +1,4 @@
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ from analysis.reflectance import Cosines
 from analysis.rusinkiewicz import cosines_from_angles
 from benchmarks.brdf_domain import LOWEST_ELEVATION_DEG, Domain
 from benchmarks.brdf_materials import Collection, fitted
+from benchmarks.brdf_methods import xu2016
 from benchmarks.brdf_methods.case import BIVARIATE, DOMAIN, FULL, N_SAMPLES, UNIVARIATE, Case, cases, sampled_places
 from benchmarks.brdf_methods.dictionary_fit import coefficients, from_samples_at
 from benchmarks.brdf_methods.ngan2005 import by_solid_angle, cook_torrance_lobe, fit, ward_lobe
@@ -24,6 +26,14 @@ from benchmarks.slice_models import COOK_TORRANCE, WARD
 WHOLE = Domain.whole()
 COSINES = cosines_from_angles(WHOLE.angles.theta_h, WHOLE.angles.theta_d, WHOLE.angles.phi_d)[0]
 RNG = np.random.default_rng(4)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_candidates() -> Iterator[None]:
+    """Choose among fewer directions, for speed."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(xu2016, "N_CANDIDATES", 90)
+        yield
 
 
 @pytest.fixture(scope="module")
