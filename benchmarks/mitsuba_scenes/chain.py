@@ -39,15 +39,24 @@ class Chain:
 
     folder: Path
 
-    def stack(self, pictures: Path, camera: Camera, n_views: int) -> Stack:
-        """Return the registered stack of the first `n_views` pictures in a folder."""
+    def is_finished(self, accuracy: str) -> bool:
+        """Tell whether there is a result already."""
+        return self._result_file(accuracy).exists()
+
+    def stack(self, pictures: Path, camera: Camera, n_views: int, pitch: float | None = None) -> Stack:
+        """Return the registered stack of the first `n_views` pictures in a folder, with pixels of `pitch` mm."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        session = self._made(SESSION_FILE, lambda path: _import(pictures, path, camera, n_views))
+        session = self._made(SESSION_FILE, lambda path: _import(pictures, path, camera, n_views, pitch))
         return read_stack(self._made(STACK_FILE, lambda path: _register(session, path)))
 
     def result(self, stack: Stack, accuracy: str) -> Result:
         """Return what a stack says of its sample, with so many updates of the geometry."""
-        return read_result(self._made(f"{accuracy}.result.h5", lambda path: _reconstruct(stack, path, accuracy)))
+        return read_result(
+            self._made(self._result_file(accuracy).name, lambda path: _reconstruct(stack, path, accuracy))
+        )
+
+    def _result_file(self, accuracy: str) -> Path:
+        return self.folder / f"{accuracy}.result.h5"
 
     def _made(self, name: str, make: Callable[[Path], None]) -> Path:
         path = self.folder / name
@@ -59,9 +68,9 @@ class Chain:
         return path
 
 
-def _import(pictures: Path, path: Path, camera: Camera, n_views: int) -> None:
+def _import(pictures: Path, path: Path, camera: Camera, n_views: int, pitch: float | None) -> None:
     capture = path.with_name(CAPTURE_FILE)
-    capture.write_text(capture_text(camera, n_views), encoding="utf-8")
+    capture.write_text(capture_text(camera, n_views, pitch), encoding="utf-8")
     write_import(prepare_import(pictures, capture), path)
 
 
@@ -75,7 +84,7 @@ def _reconstruct(stack: Stack, path: Path, accuracy: str) -> None:
     write_result(path, result_of(reconstruct(stack, Options(accuracy=accuracy), stages), stages, {}, None))
 
 
-def capture_text(camera: Camera, n_views: int) -> str:
+def capture_text(camera: Camera, n_views: int, pitch: float | None = None) -> str:
     """Return the `capture.toml` of what someone with a ruler knows: boards, area, distance, nominal lens, light."""
     head = f"""name = "rendered by Mitsuba"
 linear = true
@@ -89,6 +98,7 @@ offset_sigma_mm = {LIGHT_SIGMA_MM}
 [area]
 width_mm = {AREA_MM}
 height_mm = {AREA_MM}
+{"" if pitch is None else f"pitch_mm = {pitch}"}
 """
     poses = [f'[[poses]]\nfiles = ["view-{i:03d}.exr"]\nexposure_times_s = [1.0]\n' for i in range(n_views)]
     return "\n".join([head, *map(_board_text, boards()), *poses])

@@ -41,7 +41,7 @@ def _mean(scene: Any, samples: int, seed: int) -> Any:
     """Return the mean of enough passes, shape (height, width, 3), float32."""
     n_passes = -(-samples // _SAMPLES_AT_ONCE)
     spp = -(-samples // n_passes)
-    pictures = (np.array(mi.render(scene, spp=spp, seed=seed + k), np.float32) for k in range(n_passes))
+    pictures = (np.array(mi.render(scene, spp=spp, seed=mi.UInt32(seed + k)), np.float32) for k in range(n_passes))
     return sum(pictures) / np.float32(n_passes)
 
 

@@ -41,7 +41,9 @@ def llvm_library() -> Path | None:
 def missing() -> str | None:
     """Return what is missing here to render, and how to have it; None if nothing is."""
     if importlib.util.find_spec("mitsuba") is None:
-        return "Mitsuba 3 is not installed: pip install 'halfangle[validate]', and LLVM 16 to 21 (apt install libllvm19)."
+        return (
+            "Mitsuba 3 is not installed: pip install 'halfangle[validate]', and LLVM 16 to 21 (apt install libllvm19)."
+        )
     library = llvm_library()
     if library is None:
         return f"no LLVM 16 to 21 was found: apt install libllvm19, or name its library in {LIBRARY_VARIABLE}."
