@@ -88,7 +88,7 @@ def recover(seen: Backscatter) -> Surface:
     ----------
     [riviere2016]_, the free-form acquisition with the back camera.
     """
-    grey, h = np.nanmean(seen.values, axis=-1), seen.direction
+    grey, h = np.mean(seen.values, axis=-1), seen.direction
     diffuse = np.isfinite(grey)
     for _ in range(_N_ROUNDS):
         n = _lambertian(grey, h, diffuse)

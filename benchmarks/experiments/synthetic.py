@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from analysis.metrics import angular_error_deg, depth_rmse_without_plane, error_
 from analysis.result import Result
 from benchmarks.experiment import Experiment, Finding, Request, Row, Verdict
 from benchmarks.mitsuba_scenes.figures import grid_of, save, show, show_normals, show_picture
-from benchmarks.mitsuba_scenes.prepared import Prepared, prepared, size_of
+from benchmarks.mitsuba_scenes.prepared import Prepared, prepared, size_of, truth_as_seen
 from benchmarks.mitsuba_scenes.relighting import Relit, relit
 
 Array = NDArray[np.float64]
@@ -53,6 +54,11 @@ class Scored:
     def error(self, stage: str) -> Array:
         """Return the angular error of each pixel, deg."""
         return angular_error_deg(self.normals[stage], self.of.truth.normals)
+
+    @cached_property
+    def as_seen(self) -> Array:
+        """True normals averaged over what a pixel sees: finer relief is out of anyone's reach."""
+        return truth_as_seen(self.of.scene, self.result.grid)
 
     @property
     def final_deg(self) -> float:
@@ -104,7 +110,11 @@ def _in_words(scene: Scored) -> str:
     stages = " → ".join(f"{np.nanmean(scene.error(stage)):.2f}" for stage in scene.normals)
     psnr = ", ".join(f"{view.psnr_db:.1f}" for view in scene.novel)
     delta_e = ", ".join(f"{view.delta_e:.1f}" for view in scene.novel)
-    return f"{scene.of.scene.name}: mean angular error {stages} deg, novel views PSNR {psnr} dB, CIEDE2000 {delta_e}"
+    as_seen = np.nanmean(angular_error_deg(scene.normals[scene.last], scene.as_seen))
+    return (
+        f"{scene.of.scene.name}: mean angular error {stages} deg ({as_seen:.2f} from the truth averaged over a pixel), "
+        f"novel views PSNR {psnr} dB, CIEDE2000 {delta_e}"
+    )
 
 
 def _rows(scene: Scored) -> list[Row]:
@@ -116,6 +126,7 @@ def _row(scene: Scored, stage: str) -> Row:
     depth = depth_rmse_without_plane(scene.result.depth, scene.of.truth.depth) if last else None
     row: Row = {"scene": scene.of.scene.name, "stage": stage}
     row |= {f"normals_{name}_deg": value for name, value in error.items()}
+    row["normals_mean_as_seen_deg"] = error_summary(angular_error_deg(scene.normals[stage], scene.as_seen))["mean"]
     row["depth_rms_without_plane_mm"] = depth
     for number, view in enumerate(scene.novel, start=1):
         row[f"novel_{number}_psnr_db"] = view.psnr_db if last else None

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
 
 from analysis.rectification import Grid
 from analysis.result import Result
@@ -22,6 +23,11 @@ Array = NDArray[np.float64]
 
 FINAL = "normal"
 """How the reconstruction runs unless someone says otherwise: at most two updates of the geometry."""
+
+FOOTPRINT = 0.5
+"""Standard deviation of what a pixel of the maps averages over, in such pixels."""
+
+_FINER = 5  # odd, so that pixels have a centre
 
 
 @dataclass(frozen=True)
@@ -44,8 +50,8 @@ class Size:
     accuracies: tuple[str, ...]
 
 
-QUICK = Size(SCENES[:1], Rendering(Camera(640, 480), samples=8), 0.5, ("draft", FINAL))
-FULL = Size(SCENES, Rendering(Camera(800, 600), samples=32), None, ("draft", FINAL, "best"))
+QUICK = Size(SCENES[:1], Rendering(Camera(640, 480), samples=8), 0.5, (FINAL,))
+FULL = Size(SCENES, Rendering(Camera(800, 600), samples=32), None, ("draft", FINAL))
 
 
 @dataclass(frozen=True)
@@ -98,6 +104,17 @@ def prepared(request: Request, scene: Scene) -> Prepared:
     chain = Chain(folder)
     stack = chain.stack(folder, size.rendering.camera, len(views), size.pitch_mm)
     return Prepared(scene, size.rendering, files[: len(views)], files[len(views) :], chain, stack)
+
+
+def truth_as_seen(scene: Scene, grid: Grid) -> Array:
+    """Return normals averaged over what a pixel of the maps sees, shape (H, W, 3).
+
+    A pixel of the picture, foreshortened and resampled, spreads like a Gaussian of about `FOOTPRINT` pixels of the map.
+    """
+    fine = Grid(grid.height * _FINER, grid.width * _FINER, grid.pitch / _FINER)
+    normals = gaussian_filter(truth_on(scene, fine).normals, FOOTPRINT * _FINER, axes=(0, 1), mode="nearest")
+    centres = normals[_FINER // 2 :: _FINER, _FINER // 2 :: _FINER]
+    return np.asarray(centres / np.linalg.norm(centres, axis=-1, keepdims=True))
 
 
 def truth_on(scene: Scene, grid: Grid) -> Truth:
