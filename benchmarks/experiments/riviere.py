@@ -10,10 +10,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from analysis.figures import display_colours
 from analysis.integration import integrate_normals
 from analysis.metrics import angular_error_deg
 from benchmarks.experiment import Experiment, Finding, Request, Row, Verdict
-from benchmarks.mitsuba_scenes.figures import grid_of, save, show_maps, show_normals, show_picture
+from benchmarks.mitsuba_scenes.figures import grid_of, save, show, show_maps, show_normals
 from benchmarks.mitsuba_scenes.plate import AREA_MM
 from benchmarks.mitsuba_scenes.prepared import Prepared, prepared, size_of
 from benchmarks.riviere2016 import backscatter_of, recover
@@ -181,14 +182,13 @@ def _rows(scene: Compared) -> list[Row]:
 
 
 def _figure(compared: Sequence[Compared]) -> Figure:
-    figure, axes = grid_of(2 * len(compared), 4)
-    for k, scene in enumerate(compared):
-        above, below = axes[2 * k], axes[2 * k + 1]
-        show_picture(above[0], scene.of.captured[0], scene.of.scene.name)
+    figure, axes = grid_of(len(compared), 7, width=2.0)
+    for row, scene in zip(axes, compared, strict=True):
+        show(row[0], display_colours(np.asarray(scene.of.stack.radiance[0], np.float64)), scene.of.scene.name)
         estimates = (scene.theirs, scene.ours, scene.truth)
-        for ax, estimate in zip(above[1:], estimates, strict=True):
+        for ax, estimate in zip(row[1:4], estimates, strict=True):
             show_normals(ax, estimate.normals, estimate.method)
-        show_maps(figure, below[1:], [e.depth for e in estimates], [e.method for e in estimates], "depth, mm")
+        show_maps(figure, row[4:], [e.depth for e in estimates], [f"{e.method}: depth" for e in estimates], "mm")
     return figure
 
 
