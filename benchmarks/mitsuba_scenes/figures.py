@@ -1,0 +1,71 @@
+"""Figures of the experiments on rendered scenes, as PNG small enough for a page."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from PIL import Image
+
+from analysis.figures import display_colours, normal_colours
+from benchmarks.mitsuba_scenes.relighting import read_linear
+
+Array = NDArray[np.float64]
+
+LARGEST_BYTES = 200_000
+_RESOLUTIONS = (110, 95, 80, 70, 60, 50)
+_COARSEST = 40
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Write a figure with the finest resolution that keeps it below `LARGEST_BYTES`; return the path."""
+    sizes = (_png(figure, dpi) for dpi in _RESOLUTIONS)
+    path.write_bytes(next((data for data in sizes if len(data) <= LARGEST_BYTES), b"") or _png(figure, _COARSEST))
+    return path
+
+
+def _png(figure: Figure, dpi: int) -> bytes:
+    """Return a figure in 256 colours of its own: a third of the bytes, and the eye does not tell."""
+    drawn, small = io.BytesIO(), io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=dpi)
+    Image.open(drawn).convert("RGB").quantize(256).save(small, format="png", optimize=True)
+    return small.getvalue()
+
+
+def grid_of(n_rows: int, n_columns: int, width: float = 2.2, height: float = 2.2) -> tuple[Figure, NDArray[Any]]:
+    """Return a figure and its axes, shape (n_rows, n_columns), without frames."""
+    figure = Figure(figsize=(width * n_columns, height * n_rows), layout="constrained")
+    axes = figure.subplots(n_rows, n_columns, squeeze=False)
+    for ax in axes.flat:
+        ax.set_axis_off()
+    return figure, axes
+
+
+def show(ax: Any, image: Array, title: str, **how: Any) -> Any:
+    """Draw an image with a title."""
+    ax.set_title(title, fontsize=8)
+    return ax.imshow(image, interpolation="nearest", **how)
+
+
+def show_picture(ax: Any, path: Path, title: str) -> None:
+    """Draw a rendered picture."""
+    show(ax, display_colours(np.asarray(read_linear(path), np.float64)), title)
+
+
+def show_normals(ax: Any, normals: Array, title: str) -> None:
+    """Draw normals in false colours."""
+    show(ax, normal_colours(normals), title)
+
+
+def show_maps(figure: Figure, axes: Sequence[Any], maps: Sequence[Array], titles: Sequence[str], label: str) -> None:
+    """Draw maps of one quantity on one scale, from the 1st to the 99th percentile of all, with a bar."""
+    values = np.concatenate([values.ravel() for values in maps])
+    low, high = np.nanpercentile(values, [1, 99])
+    for ax, image, title in zip(axes, maps, titles, strict=True):
+        shown = show(ax, image, title, cmap="viridis", vmin=low, vmax=high)
+    figure.colorbar(shown, ax=list(axes), label=label, shrink=0.8)
