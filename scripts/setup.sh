@@ -34,6 +34,11 @@ pkg-config pkg-config
 gcc gcc
 '
 
+# And for the scenes that Mitsuba renders, whose kernels LLVM compiles.
+renderer_needs='
+libllvm19 libLLVM.so.19.1
+'
+
 fail() {
     echo "setup: $*" >&2
     exit 1
@@ -131,13 +136,11 @@ see_to_system_packages() {
     echo "setup: the window and its tests need libraries that are missing. To have them: $line" >&2
 }
 
-# Cameras are an extra: whatever is missing for them is said, and nothing else waits for it.
-see_to_camera_packages() {
-    wanted=$(missing_camera_packages "$1")
-    if [ -z "$wanted" ]; then return; fi
-    if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null && apt_install "$wanted"; then return; fi
-    echo "setup: GenICam cameras and their tests need packages that are missing. To have them:" \
-        "sudo apt-get install$wanted" >&2
+# What an extra needs ($2) is said where it cannot be had, with what it is for ($1); nothing else waits for it.
+see_to_packages_of_extra() {
+    if [ -z "$2" ]; then return; fi
+    if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null && apt_install "$2"; then return; fi
+    echo "setup: $1 need packages that are missing. To have them: sudo apt-get install$2" >&2
 }
 
 # A .venv that runs this Python, with a pip of its own, at this place, can be brought up to date.
@@ -163,7 +166,7 @@ install_for_cameras() {
 install() {
     rm -f "$stamp"
     is_usable "$1" || "$1" -m venv --clear .venv
-    echo "setup: installing into .venv (about a minute and 0.9 GB the first time)"
+    echo "setup: installing into .venv (about a minute and 1.6 GB the first time)"
     pip_install --require-hashes -r constraints.txt
     # The build backend is pinned in constraints.txt as well, so nothing arrives that has no hash.
     pip_install --no-build-isolation --no-deps -e .
@@ -175,6 +178,7 @@ install() {
 if is_ready; then exit 0; fi
 python=$(find_python)
 see_to_system_packages "$python"
-see_to_camera_packages "$python"
+see_to_packages_of_extra 'GenICam cameras and their tests' "$(missing_camera_packages "$python")"
+see_to_packages_of_extra 'scenes that Mitsuba renders' "$(missing "$renderer_needs")"
 install "$python"
 echo "setup: ready ($(version_of "$venv_python"))"
