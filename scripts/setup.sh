@@ -166,7 +166,7 @@ install_for_cameras() {
 install() {
     rm -f "$stamp"
     is_usable "$1" || "$1" -m venv --clear .venv
-    echo "setup: installing into .venv (about a minute and 1.6 GB the first time)"
+    echo "setup: installing into .venv (about a minute and 2 GB the first time)"
     pip_install --require-hashes -r constraints.txt
     # The build backend is pinned in constraints.txt as well, so nothing arrives that has no hash.
     pip_install --no-build-isolation --no-deps -e .
