@@ -71,12 +71,16 @@ def test_the_truth_of_a_pixel_is_that_of_the_place_that_the_conventions_give_it(
     assert truth.depth[2, 13] == pytest.approx(float(LEAF.surface.height(np.array(x), np.array(y))))
 
 
-def test_averaging_over_a_pixel_moves_the_truth_less_the_finer_the_pixels_are() -> None:
+def test_averaging_over_a_pixel_moves_the_truth_less_the_finer_maps_and_pictures_are() -> None:
     moved = [
-        np.mean(angular_error_deg(truth_as_seen(LEAF, grid), truth_on(LEAF, grid).normals))
-        for grid in (Grid(44, 44, 0.4), Grid(88, 88, 0.2))
+        np.mean(angular_error_deg(truth_as_seen(LEAF, grid, camera), truth_on(LEAF, grid).normals))
+        for grid, camera in (
+            (Grid(44, 44, 0.8), Camera(640, 480)),
+            (Grid(88, 88, 0.4), Camera(640, 480)),
+            (Grid(88, 88, 0.2), Camera(1280, 960)),
+        )
     ]
-    assert moved[1] < 0.5 * moved[0]
+    assert moved[2] < 0.5 * moved[1] < 0.5 * moved[0]
 
 
 def test_mitsubas_camera_sees_a_point_where_our_projection_puts_it() -> None:
