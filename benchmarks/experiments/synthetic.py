@@ -58,7 +58,7 @@ class Scored:
     @cached_property
     def as_seen(self) -> Array:
         """True normals averaged over what a pixel sees: finer relief is out of anyone's reach."""
-        return truth_as_seen(self.of.scene, self.result.grid)
+        return truth_as_seen(self.of.scene, self.result.grid, self.of.rendering.camera)
 
     @property
     def final_deg(self) -> float:

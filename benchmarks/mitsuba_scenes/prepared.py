@@ -24,8 +24,9 @@ Array = NDArray[np.float64]
 FINAL = "normal"
 """How the reconstruction runs unless someone says otherwise: at most two updates of the geometry."""
 
-FOOTPRINT = 0.5
-"""Standard deviation of what a pixel of the maps averages over, in such pixels."""
+PICTURE_BLUR = 0.6
+"""Standard deviation of what a resampled picture averages over at the least, in its pixels; most views see them
+foreshortened."""
 
 _FINER = 5  # odd, so that pixels have a centre
 
@@ -106,13 +107,11 @@ def prepared(request: Request, scene: Scene) -> Prepared:
     return Prepared(scene, size.rendering, files[: len(views)], files[len(views) :], chain, stack)
 
 
-def truth_as_seen(scene: Scene, grid: Grid) -> Array:
-    """Return normals averaged over what a pixel of the maps sees, shape (H, W, 3).
-
-    A pixel of the picture, foreshortened and resampled, spreads like a Gaussian of about `FOOTPRINT` pixels of the map.
-    """
+def truth_as_seen(scene: Scene, grid: Grid, camera: Camera) -> Array:
+    """Return normals averaged over what a pixel of the maps sees, shape (H, W, 3): itself, or the picture's blur."""
     fine = Grid(grid.height * _FINER, grid.width * _FINER, grid.pitch / _FINER)
-    normals = gaussian_filter(truth_on(scene, fine).normals, FOOTPRINT * _FINER, axes=(0, 1), mode="nearest")
+    sigma_mm = max(grid.pitch / np.sqrt(12.0), PICTURE_BLUR * camera.pixel_mm)
+    normals = gaussian_filter(truth_on(scene, fine).normals, sigma_mm / fine.pitch, axes=(0, 1), mode="nearest")
     centres = normals[_FINER // 2 :: _FINER, _FINER // 2 :: _FINER]
     return np.asarray(centres / np.linalg.norm(centres, axis=-1, keepdims=True))
 

@@ -43,6 +43,11 @@ class Camera:
         return self.height * DISTANCE_MM / _FIELD_MM
 
     @property
+    def pixel_mm(self) -> float:
+        """Size of a pixel in the sample plane, seen from straight above."""
+        return DISTANCE_MM / self.focal_length_px
+
+    @property
     def matrix(self) -> Array:
         """Camera matrix; integers are centres of pixels."""
         f = self.focal_length_px

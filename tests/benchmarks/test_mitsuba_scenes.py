@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import OpenEXR
 import pytest
+from PIL import Image
 
 from analysis.board_pattern import pattern
 from analysis.metrics import angular_error_deg
@@ -16,6 +17,7 @@ from benchmarks.experiment import Request, SkippedError
 from benchmarks.experiments import synthetic
 from benchmarks.mitsuba_scenes import render as rendering
 from benchmarks.mitsuba_scenes.chain import capture_text
+from benchmarks.mitsuba_scenes.figures import LARGEST_BYTES, grid_of, save, show
 from benchmarks.mitsuba_scenes.files import INTENSITY, SCENE_FILE, Rendering, relief_mesh, write_scene
 from benchmarks.mitsuba_scenes.plate import AREA_MM, HALF_PLATE_MM, boards, print_on_plate
 from benchmarks.mitsuba_scenes.prepared import truth_as_seen, truth_on
@@ -71,12 +73,16 @@ def test_the_truth_of_a_pixel_is_that_of_the_place_that_the_conventions_give_it(
     assert truth.depth[2, 13] == pytest.approx(float(LEAF.surface.height(np.array(x), np.array(y))))
 
 
-def test_averaging_over_a_pixel_moves_the_truth_less_the_finer_the_pixels_are() -> None:
+def test_averaging_over_a_pixel_moves_the_truth_less_the_finer_maps_and_pictures_are() -> None:
     moved = [
-        np.mean(angular_error_deg(truth_as_seen(LEAF, grid), truth_on(LEAF, grid).normals))
-        for grid in (Grid(44, 44, 0.4), Grid(88, 88, 0.2))
+        np.mean(angular_error_deg(truth_as_seen(LEAF, grid, camera), truth_on(LEAF, grid).normals))
+        for grid, camera in (
+            (Grid(44, 44, 0.8), Camera(640, 480)),
+            (Grid(88, 88, 0.4), Camera(640, 480)),
+            (Grid(88, 88, 0.2), Camera(1280, 960)),
+        )
     ]
-    assert moved[1] < 0.5 * moved[0]
+    assert moved[2] < 0.5 * moved[1] < 0.5 * moved[0]
 
 
 def test_mitsubas_camera_sees_a_point_where_our_projection_puts_it() -> None:
@@ -165,6 +171,19 @@ def test_a_renderer_that_dies_is_an_error_with_its_last_words(tmp_path: Path, mo
     monkeypatch.setattr(rendering.sys, "executable", str(dying))
     with pytest.raises(RenderError, match=r"ended with -6 .* LLVM API is too old"):
         render(tmp_path / "scene", MEDAL, SMALL, captured()[:1], seed=1)
+
+
+@pytest.mark.parametrize(("detail", "mode"), [(1.0, "RGB"), (60.0, "P")])
+def test_a_figure_keeps_all_its_colours_unless_it_would_be_too_large(tmp_path: Path, detail: float, mode: str) -> None:
+    x, y = np.meshgrid(*[np.linspace(0.0, detail, 300)] * 2)
+    image = 0.5 + 0.5 * np.stack([np.sin(x * y), np.cos(3.0 * x), np.sin(2.0 * y + x * x)], axis=-1)
+    figure, axes = grid_of(2, 2)
+    for ax in axes.flat:
+        show(ax, image, "")
+    path = save(figure, tmp_path / "figure.png")
+    assert path.stat().st_size <= LARGEST_BYTES
+    with Image.open(path) as picture:
+        assert picture.mode == mode
 
 
 @pytest.fixture(scope="module")
