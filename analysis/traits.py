@@ -233,12 +233,17 @@ def _of_palette(fits: PixelFits, theta_h: Array) -> tuple[Array, Array]:
     # A material's scale is the palette's own affair: it counts by the light that comes from it.
     level = np.median(curves, axis=(1, 2))
     light = np.stack([np.where(used == k, fits.coefficient[:, 0], 0.0).sum(axis=1) for k in numbers], axis=-1) * level
-    typical = np.array(
-        [np.median(light[light[:, i] > 0.5 * light.sum(axis=1), i] / level[i]) for i in range(len(numbers))]
-    )
+    typical = np.array([_typical(light[:, i], light.sum(axis=1)) / level[i] for i in range(len(numbers))])
     total = light.sum(axis=1, keepdims=True)
     share = np.where(total > 0.0, light / np.where(total > 0.0, total, 1.0), np.nan)
-    return curves * np.nan_to_num(typical, nan=1.0)[:, None, None], share
+    return curves * typical[:, None, None], share
+
+
+def _typical(light: Array, total: Array) -> float:
+    """Return the median of a material's light where most is its own; where it leads nowhere, wherever it has part."""
+    leading = light > 0.5 * total
+    some = light[leading if leading.any() else light > 0.0]
+    return float(np.median(some)) if len(some) else 1.0
 
 
 def _median_curve(fits: PixelFits, members: NDArray[np.int64], theta_h: Array) -> Array:

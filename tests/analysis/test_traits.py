@@ -1,11 +1,14 @@
 """Material traits: what they tell apart, what they are invariant to, and that they say how sure they are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from analysis.atoms import published
 from analysis.categories import categories
 from analysis.dictionary import Atom, Dictionary, parametric
+from analysis.palette import NODES, Palette
 from analysis.pixel_fits import PixelFits
 from analysis.reflectance import Cosines, abc, sgd
 from analysis.traits import GROUPED, TRAITS, TraitModel, Traits, pixel_traits, trait_index, trait_model
@@ -90,6 +93,15 @@ def test_pixels_that_stand_on_their_own_are_pooled_by_their_curves() -> None:
     assert traits.leading.tolist() == [truth[i % 2] for i in range(30)]
     assert traits.confidence.min() > 0.8
     np.testing.assert_allclose(sum(traits.grouped().values()), 1.0 - traits.share[:, -1])
+
+
+def test_a_material_that_leads_in_no_pixel_counts_all_the_same() -> None:
+    curve = np.stack([np.full((3, len(NODES)), 0.4), np.full((3, len(NODES)), 0.1)])
+    fits = fits_of([0])
+    atom = np.full_like(fits.atom, -1)
+    atom[..., 0], atom[..., 1] = np.arange(3), 3 + np.arange(3)
+    both = replace(fits, atom=atom, coefficient=np.where(atom >= 0, 0.5, 0.0), dictionary=Palette(curve).dictionary)
+    np.testing.assert_allclose(pixel_traits(both).share.sum(axis=1), 1.0)
 
 
 def test_a_pixel_that_was_not_solved_has_no_trait() -> None:
