@@ -112,8 +112,7 @@ class MainWindow(QMainWindow):
 
     def stop(self) -> None:
         """Light off, exposure ended, capture aborted."""
-        if self.rig_use.job is not None:
-            self.rig_use.job.abort()
+        self.rig_use.abort()
         self.acquisition.stop()
         if self.acquisition.isRunning():
             self._until_dark.start()
@@ -151,6 +150,8 @@ class MainWindow(QMainWindow):
         self.protocol_panel.plan_asked.connect(self._plan)
         self.protocol_panel.start_asked.connect(self._capture)
         self.protocol_panel.resume_asked.connect(self._resume)
+        self.protocol_panel.pause_asked.connect(self.rig_use.pause)
+        self.protocol_panel.abort_asked.connect(self.rig_use.abort)
 
     def _plan(self, protocol: Path) -> None:
         self._begin(lambda watch, control: dry_run(self._config, load_any_protocol(protocol), self._devices))
@@ -174,8 +175,6 @@ class MainWindow(QMainWindow):
         job.progressed.connect(self._show_progress)
         job.succeeded.connect(self._show_result)
         job.failed.connect(self._show_failure)
-        self.protocol_panel.pause_asked.connect(job.pause)
-        self.protocol_panel.abort_asked.connect(job.abort)
 
     def _show_progress(self, progress: Progress) -> None:
         self.protocol_panel.show_progress(progress)

@@ -51,6 +51,16 @@ class RigUse(QObject):
         else:
             self._begin()
 
+    def pause(self) -> None:
+        """Ask the job to stop after the pose that is being taken."""
+        if self._job is not None:
+            self._job.pause()
+
+    def abort(self) -> None:
+        """End the job at once, with the light off."""
+        if self._job is not None:
+            self._job.abort()
+
     def close(self) -> None:
         """End the job with the light off, join its thread, and give the rig to nobody any more."""
         self._waiting = None

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.driver import DeviceState
+from drivers.udev import UDEV_RULES
 
-UDEV_RULES = "drivers/udev/60-halfangle.rules"
 SYSFS = Path("/sys/bus/usb/devices")
 NODES = Path("/dev/bus/usb")
 

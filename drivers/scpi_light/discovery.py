@@ -9,9 +9,9 @@ from typing import Any
 
 from drivers.driver import DeviceState, FoundDevice
 from drivers.scpi_light.finding import usb_devices
-from drivers.scpi_light.interface import find_tmc, tmc_interface
+from drivers.scpi_light.interface import find_tmc, is_with_kernel, tmc_interface
 from drivers.scpi_light.settings import ScpiLightSettings
-from drivers.scpi_light.usb_errors import UDEV_RULES
+from drivers.udev import UDEV_RULES
 
 _STATES = {errno.EACCES: DeviceState.NO_PERMISSION, errno.EPERM: DeviceState.NO_PERMISSION}
 _REMEDIES = {
@@ -70,11 +70,8 @@ def _state(device: Any) -> DeviceState:
     """Take its interface for a moment, unless the kernel's driver has it: that one lets go of it when asked."""
     util = import_module("usb.util")
     interface = tmc_interface(device, "it")
-    try:
-        if device.is_kernel_driver_active(interface.bInterfaceNumber):
-            return DeviceState.FOUND
-    except NotImplementedError:
-        pass  # only Linux has such a driver
+    if is_with_kernel(device, interface.bInterfaceNumber):
+        return DeviceState.FOUND
     util.claim_interface(device, interface)
     util.release_interface(device, interface)
     return DeviceState.FOUND

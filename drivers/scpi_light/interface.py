@@ -103,12 +103,16 @@ def tmc_interface(device: Any, name: str) -> Any:
     return found
 
 
-def _take_from_kernel(device: Any, number: int) -> bool:
+def is_with_kernel(device: Any, number: int) -> bool:
+    """Return whether the kernel's own driver has an interface; only Linux has one."""
     try:
-        if not device.is_kernel_driver_active(number):
-            return False
+        return bool(device.is_kernel_driver_active(number))
     except NotImplementedError:
-        # Only Linux has a driver to take it from.
+        return False
+
+
+def _take_from_kernel(device: Any, number: int) -> bool:
+    if not is_with_kernel(device, number):
         return False
     device.detach_kernel_driver(number)
     return True

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from drivers.errors import DeviceError, DeviceLostError, DeviceTimeoutError
-
-UDEV_RULES = "drivers/udev/60-halfangle.rules"
+from drivers.udev import UDEV_RULES
 
 _FORBIDDEN = (errno.EACCES, errno.EPERM)
 # A device that is pulled out fails its transfer in one of these ways, depending on when.
