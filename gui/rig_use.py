@@ -57,9 +57,13 @@ class RigUse(QObject):
             self._job.pause()
 
     def abort(self) -> None:
-        """End the job at once, with the light off."""
+        """End the job at once, with the light off; one that waits for the rig is not begun."""
         if self._job is not None:
             self._job.abort()
+        elif self._waiting is not None:
+            self._waiting = None
+            self._leaving.stop()
+            self.job_ended.emit()
 
     def close(self) -> None:
         """End the job with the light off, join its thread, and give the rig to nobody any more."""

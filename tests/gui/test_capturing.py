@@ -123,6 +123,22 @@ def test_whatever_ends_a_capture_early_leaves_the_light_off(
         assert 0 < session.pose_complete.sum() < 300
 
 
+def test_a_capture_that_waits_for_the_rig_is_not_begun_after_a_stop(
+    window: MainWindow, bench: Bench, qtbot: QtBot, tmp_path: Path
+):
+    # All in one turn of the event loop: the live picture cannot have left the rig yet.
+    window.protocol_panel.start_button.click()
+    assert window.rig_use.is_busy
+    window.stop_button.click()
+    assert not window.rig_use.is_busy
+    qtbot.waitUntil(window.acquisition.isFinished)
+    qtbot.wait(300)
+    assert not (tmp_path / "session.h5").exists()
+    assert window.connect_button.isEnabled()
+    assert window.protocol_panel.start_button.isEnabled()
+    assert not bench.lit
+
+
 def test_what_is_wrong_with_a_protocol_stands_in_the_banner_until_the_next_try(
     window: MainWindow, qtbot: QtBot, tmp_path: Path
 ):
