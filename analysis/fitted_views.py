@@ -1,4 +1,4 @@
-"""The views as they were fitted: where camera and light stood in the end, and how far a sample may be from its model."""
+"""The views as they were fitted: where camera and light stood in the end, and how far samples may be off."""
 
 from __future__ import annotations
 
