@@ -101,9 +101,9 @@ class ReprocessingPanel(QWidget):
         self._command.line.connect(self._hear)
         self._command.ended.connect(self._finish)
         self.command_edit.setText(self._command.text)
+        self.line.emit(self._command.text)
         self._command.start()
         self.take(self._source)
-        self.line.emit(self._command.text)
 
     def _hear(self, text: str) -> None:
         self._said.append(text)
