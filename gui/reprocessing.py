@@ -10,6 +10,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
 
 from analysis.reprocessing import Reprocessing, calibrating, reconstructing, reporting
+from gui.actions import ActionButton
 from gui.command import Command
 from gui.job import Job
 from gui.text import selectable
@@ -31,10 +32,10 @@ class ReprocessingPanel(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.calibrate_button = QPushButton(self.tr("Cali&brate"))
-        self.reconstruct_button = QPushButton(self.tr("Reconstr&uct"))
-        self.report_button = QPushButton(self.tr("Repor&t"))
-        self.end_button = QPushButton(self.tr("&End the command"))
+        self.calibrate_button = ActionButton("sessions.calibrate")
+        self.reconstruct_button = ActionButton("sessions.reconstruct")
+        self.report_button = ActionButton("sessions.report")
+        self.end_button = QPushButton(self.tr("En&d the command"))
         self.command_edit = QLineEdit(readOnly=True)
         self.state_label = selectable(name=self.tr("State of the command"))
         self._source: Path | None = None
@@ -142,7 +143,7 @@ class ReprocessingPanel(QWidget):
         self.end_button.clicked.connect(self._end)
 
     def _lay_out(self) -> None:
-        label = QLabel(self.tr("Command li&ne"))
+        label = QLabel(self.tr("Command line"))
         label.setBuddy(self.command_edit)
         buttons = QHBoxLayout()
         for button in (self.calibrate_button, self.reconstruct_button, self.report_button, self.end_button):

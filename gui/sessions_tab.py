@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFileDialog, QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
 
+from gui.actions import ActionButton
+from gui.files import FileField
 from gui.job import Job, Work
 from gui.reprocessing import ReprocessingPanel
 from gui.sessions_table import Pictures, SessionsTable
@@ -30,9 +32,9 @@ class SessionsTab(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.folder_edit = QLineEdit(".")
-        self.folder_button = QPushButton(self.tr("&Folder ..."))
-        self.look_button = QPushButton(self.tr("L&ook"))
-        self.verify_button = QPushButton(self.tr("&Verify"))
+        self.folder_field = FileField(self.folder_edit, self.tr("Folders"))
+        self.look_button = ActionButton("sessions.look")
+        self.verify_button = ActionButton("sessions.verify")
         self.use_button = QPushButton(self.tr("&Go on with it"))
         self.show_button = QPushButton(self.tr("Sho&w"))
         self.table = SessionsTable()
@@ -99,7 +101,8 @@ class SessionsTab(QWidget):
         self.found_label.setText("" if found.rows else nothing)
 
     def _wire(self) -> None:
-        self.folder_button.clicked.connect(self._ask)
+        self.folder_field.dialog.setFileMode(QFileDialog.FileMode.Directory)
+        self.folder_field.dialog.fileSelected.connect(self.look)
         self.look_button.clicked.connect(self.look)
         self.folder_edit.returnPressed.connect(self.look)
         self.verify_button.clicked.connect(self.verify)
@@ -114,12 +117,6 @@ class SessionsTab(QWidget):
         panel.reconstructed.connect(self.result_asked)
         panel.ended.connect(self.look)
 
-    def _ask(self) -> None:
-        name = QFileDialog.getExistingDirectory(self, self.tr("Folder of sessions"), self.folder_edit.text())
-        if name:
-            self.folder_edit.setText(name)
-            self.look()
-
     def _choose(self) -> None:
         if self.selected is not None:
             self.chosen.emit(self.selected)
@@ -130,20 +127,18 @@ class SessionsTab(QWidget):
             (self.result_asked if is_result else self.calibration_asked).emit(self.selected)
 
     def _enable(self) -> None:
-        for button in (self.look_button, self.folder_button):
-            button.setEnabled(self._job is None)
+        self.look_button.setEnabled(self._job is None)
         for button in (self.verify_button, self.use_button, self.show_button):
             button.setEnabled(self._job is None and self.selected is not None)
         self.reprocessing.take(self.selected)
 
     def _lay_out(self) -> None:
-        label = QLabel(self.tr("Fol&der"))
+        label = QLabel(self.tr("&Folder"))
         label.setBuddy(self.folder_edit)
         row = QHBoxLayout()
         row.addWidget(label)
-        row.addWidget(self.folder_edit, stretch=1)
-        for button in (self.folder_button, self.look_button):
-            row.addWidget(button)
+        row.addWidget(self.folder_field, stretch=1)
+        row.addWidget(self.look_button)
         acts = QHBoxLayout()
         for button in (self.verify_button, self.use_button, self.show_button):
             acts.addWidget(button)

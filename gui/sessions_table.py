@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import QT_TRANSLATE_NOOP, QCoreApplication, QSize, Qt
+from PySide6.QtCore import QCoreApplication, QSize, Qt
 from PySide6.QtGui import QIcon, QImage, QPixmap
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem, QWidget
 
+from gui.text import QT_TRANSLATE_NOOP
 from instrument.layout import Status
 from instrument.summary import DAMAGED, OTHER
 from instrument.validation import printable
@@ -106,8 +107,8 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
     return name, state, poses, row["start_time"][:16].replace("T", " "), row["title"]
 
 
-def _tr(text: object) -> str:
-    return QCoreApplication.translate("SessionsTable", str(text))
+def _tr(text: str) -> str:
+    return QCoreApplication.translate("SessionsTable", text)
 
 
 def _icon(grey: NDArray[np.uint8]) -> QIcon:
