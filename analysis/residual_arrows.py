@@ -19,9 +19,13 @@ def exaggeration(residuals: Array, image_size: tuple[int, int], share: float = _
     if not len(residuals):
         return 1.0
     long = float(np.percentile(np.linalg.norm(residuals, axis=1), 95))
-    times = share * image_size[0] / max(long, 1e-9)
-    power = 10.0 ** np.floor(np.log10(times))
-    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= times))
+    return rounded_down(share * image_size[0] / max(long, 1e-9))
+
+
+def rounded_down(value: float) -> float:
+    """Return the largest 1, 2 or 5 times a power of ten that a positive number holds."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= value))
 
 
 def by_region(points: Array, residuals: Array, image_size: tuple[int, int]) -> tuple[Array, Array, Array]:
