@@ -16,7 +16,7 @@ from analysis.stack import Stack
 Array = NDArray[np.float64]
 
 USED, CLIPPED, WRONG, UNSEEN = range(4)
-USES = ("used", "clipped, a lower bound", "does not fit, weighed down", "not seen")
+USES = ("used", "clipped (a lower bound)", "does not fit (weighed down)", "not seen")
 """What became of a sample, by the values of `PointSamples.use`."""
 
 CURVE_DEG = np.linspace(0.0, 85.0, 171)
@@ -122,6 +122,11 @@ def point_samples(result: Result, stack: Stack, row: int, column: int) -> PointS
     f, sigma_f = radiance * to_brdf, sigma * to_brdf
     use = _use(radiance - model, sigma, problem.samples.saturated[:, 0] > 0, np.isfinite(f))
     return PointSamples(_angle(fits.normals[0], h[:, 0]), f, sigma_f, use)
+
+
+def counts_by_use(samples: PointSamples) -> tuple[int, ...]:
+    """Return how many samples ended how, in the order of `USES`."""
+    return tuple(np.bincount(samples.use.ravel(), minlength=len(USES)).tolist())
 
 
 def _use(residual: Array, sigma: Array, clipped: NDArray[np.bool_], seen: NDArray[np.bool_]) -> NDArray[np.uint8]:

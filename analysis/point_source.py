@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
+from analysis.point_samples import PointSamples, point_samples
 from analysis.result import Result
 from analysis.stack import Stack
 from analysis.stack_file import is_stack, read_stack
@@ -64,3 +65,37 @@ def _checked(place: Path, stack: Stack, result: Result) -> Stack:
 
 def _refused(place: Path, what: str) -> InvalidInputError:
     return InvalidInputError(TITLE, [Problem(str(place), what)])
+
+
+class PointSource:
+    """The samples of points of one result, whose stack is found and made sure of at the first.
+
+    Parameters
+    ----------
+    path : Path
+        Of the result.
+    result : Result
+
+    Attributes
+    ----------
+    path : Path
+    result : Result
+    """
+
+    def __init__(self, path: Path, result: Result) -> None:
+        self.path, self.result = path, result
+        self._stack: Stack | None = None
+
+    def at(self, row: int, column: int) -> PointSamples:
+        """Return the samples of a pixel.
+
+        Raises
+        ------
+        InvalidInputError
+            If the stack is not there, is not the one, or cannot be read.
+        IndexError
+            If there is no such pixel.
+        """
+        if self._stack is None:
+            self._stack = source_stack(self.path, self.result)
+        return point_samples(self.result, self._stack, row, column)
