@@ -25,8 +25,9 @@ FIRST_EXPOSURE_TIME = 0.01
 LEASE = 2.0
 """Seconds for which the light outlives an exposure, and for which the window may keep silent."""
 
-SHORTEST_PERIOD = 1 / 30
-"""Seconds from one frame to the next: no display needs more, and the cores have other work."""
+SHORTEST_PERIOD = 1 / 40
+"""Seconds from one frame to the next: a little less than a picture that looks smooth needs, and no more than the cores
+can do beside other work."""
 
 
 class Introduction(NamedTuple):

@@ -161,6 +161,8 @@ class LiveView(QWidget):
         parts.addWidget(self.picture)
         parts.addWidget(plots)
         parts.setStretchFactor(0, 1)
+        # The plots begin as low as they may be: the rest is for the picture.
+        parts.setSizes([10_000, 1])
         column = QVBoxLayout(self)
         column.addLayout(switches)
         column.addWidget(parts, stretch=1)

@@ -129,9 +129,9 @@ def _marks(counts: Counts, camera: CameraDescription) -> tuple[NDArray[np.uint8]
     marks = np.zeros(counts.shape, np.uint8)
     height, width = (2 * n for n in sharp.shape)
     cv2.resize(sharp, (width, height), dst=marks[:height, :width], interpolation=cv2.INTER_NEAREST)
-    # Strict and not, as the levels are meant: at the black level is black, at the saturation level is clipped.
-    marks[cv2.inRange(counts, 0, float(np.floor(camera.black_level))).view(bool)] = BLACK
-    marks[cv2.inRange(counts, float(np.ceil(camera.saturation_level)), 65535.0).view(bool)] = CLIPPED
+    # At the black level is black, at the saturation level is clipped; compared as integers, which is faster.
+    np.copyto(marks, BLACK, where=counts <= np.uint16(camera.black_level))
+    np.copyto(marks, CLIPPED, where=counts >= np.uint16(np.ceil(camera.saturation_level)))
     return marks, edges
 
 
