@@ -18,6 +18,7 @@ _SLOPES = {
     "bottom": (OKABE_ITO["green"], Qt.PenStyle.DotLine, QT_TRANSLATE_NOOP("HalfAnglesPlot", "facing bottom")),
     "top": (OKABE_ITO["purple"], Qt.PenStyle.DashDotLine, QT_TRANSLATE_NOOP("HalfAnglesPlot", "facing top")),
 }
+_HEADROOM = 1.6
 _ALL = (128, 128, 128, 90)
 
 
@@ -30,7 +31,7 @@ class HalfAnglesPlot(Plot):
         self.setMouseEnabled(x=False, y=False)
         self.setLabel("bottom", self.tr("half angle, deg"))
         self.setLabel("left", self.tr("views in 5 deg"))
-        self.getPlotItem().addLegend(offset=(-5, 5), labelTextSize="8pt")
+        self.getPlotItem().addLegend(offset=(-1, 1), labelTextSize="8pt", colCount=2)
 
     def show_coverage(self, reached: Coverage | None) -> None:
         """Show what the views reach; nothing where it is not known."""
@@ -46,4 +47,6 @@ class HalfAnglesPlot(Plot):
                 self.plot(reached.edges_deg, views, stepMode="center", pen=pen, name=told)
         wanted = np.array([[0.0, FEWEST_FIRST], [BIN_DEG, FEWEST_FIRST], [BIN_DEG, FEWEST], [JUDGED_TO_DEG, FEWEST]])
         self.plot(*wanted.T, connect="pairs", pen=pg.mkPen(OKABE_ITO["vermillion"], width=2))
-        self.setXRange(0.0, 90.0, padding=0.02)
+        # Room above for the legend.
+        highest = max(float(np.max(views)) for views in (reached.all_over, *reached.slopes.values()))
+        self.setRange(xRange=(0.0, 90.0), yRange=(0.0, _HEADROOM * max(highest, FEWEST)), padding=0.02)

@@ -146,12 +146,13 @@ class ReprocessingPanel(QWidget):
         label = QLabel(self.tr("Command line"))
         label.setBuddy(self.command_edit)
         buttons = QHBoxLayout()
-        for button in (self.calibrate_button, self.reconstruct_button, self.report_button, self.end_button):
+        for button in (self.calibrate_button, self.reconstruct_button, self.report_button):
             buttons.addWidget(button)
         buttons.addStretch()
         told = QHBoxLayout()
         told.addWidget(label)
         told.addWidget(self.command_edit, stretch=1)
+        told.addWidget(self.end_button)
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         column.addLayout(buttons)

@@ -48,7 +48,7 @@ class SessionsTab(QWidget):
     def look(self) -> None:
         """List the sessions of the folder."""
         folder = Path(self.folder_edit.text())
-        self._begin(lambda *_: _files_of(folder))
+        self._begin(lambda *_: files_of(folder))
 
     def verify(self) -> None:
         """Check every frame of the session that is selected."""
@@ -89,7 +89,7 @@ class SessionsTab(QWidget):
         self.found_label.setText(why)
         self.failed.emit(why)
 
-    def _show(self, found: _Files | Examination) -> None:
+    def _show(self, found: Files | Examination) -> None:
         if isinstance(found, Examination):
             problems = [str(problem) for problem in found.problems] or [self.tr("every check passed")]
             verdict = self.tr("{path}: {good} of {all} poses are good")
@@ -151,13 +151,22 @@ class SessionsTab(QWidget):
         column.addWidget(self.reprocessing)
 
 
-class _Files(NamedTuple):
+class Files(NamedTuple):
+    """What was found in a folder: a row a file, and pictures of those that have one."""
+
     rows: list[dict[str, Any]]
     pictures: Pictures
 
 
-def _files_of(folder: Path) -> _Files:
+def files_of(folder: Path) -> Files:
+    """Look at every HDF5 file of a folder; runs in any thread.
+
+    Raises
+    ------
+    NotADirectoryError
+        If there is no such folder.
+    """
     if not folder.is_dir():
         raise NotADirectoryError(f"{folder} is no folder; choose the one that the sessions are in")
     rows = summarise_all(sorted(folder.glob("*.h5")))
-    return _Files(rows, thumbnails_of([Path(row["path"]) for row in rows if "problems" not in row]))
+    return Files(rows, thumbnails_of([Path(row["path"]) for row in rows if "problems" not in row]))

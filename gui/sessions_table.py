@@ -13,6 +13,7 @@ from PySide6.QtGui import QIcon, QImage, QPixmap
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem, QWidget
 
 from gui.text import QT_TRANSLATE_NOOP
+from instrument import beside
 from instrument.layout import Status
 from instrument.summary import DAMAGED, OTHER
 from instrument.validation import printable
@@ -38,6 +39,8 @@ STATES = {
     Status.RECORDING.value: ("●", QT_TRANSLATE_NOOP("SessionsTable", "recording")),
     DAMAGED: ("✗", QT_TRANSLATE_NOOP("SessionsTable", "damaged")),
     OTHER: ("–", QT_TRANSLATE_NOOP("SessionsTable", "no session")),
+    beside.STACK: ("–", QT_TRANSLATE_NOOP("SessionsTable", "stack")),
+    beside.RESULT: ("–", QT_TRANSLATE_NOOP("SessionsTable", "result")),
 }
 
 _PICTURE = QSize(72, 54)
@@ -97,14 +100,20 @@ class SessionsTable(QTableWidget):
 
 
 def _cells(row: dict[str, Any]) -> tuple[str, ...]:
-    sign, word = STATES[row["state"]]
-    name, state = Path(row["path"]).name, f"{sign} {_tr(word)}"
+    name, state = Path(row["path"]).name, _state(row)
+    sign, word = STATES[state]
+    texts = name, f"{sign} {_tr(word)}"
     if "problems" in row:
-        return name, state, "", "", row["problems"][0][1]
-    poses = _tr(QT_TRANSLATE_NOOP("SessionsTable", "{done} of {all}")).format(
-        done=row["n_complete"], all=row["n_poses"]
-    )
-    return name, state, poses, row["start_time"][:16].replace("T", " "), row["title"]
+        is_ours = state in (beside.STACK, beside.RESULT)
+        return *texts, "", "", "" if is_ours else row["problems"][0][1]
+    poses = _tr(N_OF_ALL).format(done=row["n_complete"], all=row["n_poses"])
+    return *texts, poses, row["start_time"][:16].replace("T", " "), row["title"]
+
+
+def _state(row: dict[str, Any]) -> str:
+    """Return a key of `STATES`: what is no session may have been made of one."""
+    made = [ending for ending in (beside.STACK, beside.RESULT) if row["path"].endswith(ending)]
+    return made[0] if made and row["state"] == OTHER else str(row["state"])
 
 
 def _tr(text: str) -> str:

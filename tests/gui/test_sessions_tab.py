@@ -9,8 +9,8 @@ import pytest
 from pytestqt.qtbot import QtBot
 
 from drivers.registry import open_devices
-from gui.reprocessing import ReprocessingPanel
-from gui.sessions_tab import SessionsTab
+from gui import command
+from gui.sessions_tab import Files, SessionsTab, files_of
 from gui.sessions_table import BEGUN, FILE, POSES, STATE, TITLE
 from instrument.config import load_protocol
 from protocols import engine
@@ -27,14 +27,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def files(folder: Path) -> Files:
+    return files_of(folder)
+
+
 @pytest.fixture
-def tab(folder: Path, qtbot: QtBot) -> Iterator[SessionsTab]:
+def tab(folder: Path, files: Files, qtbot: QtBot) -> Iterator[SessionsTab]:
+    """Show what is found in the folder, which was looked at once."""
     tab = SessionsTab()
     qtbot.addWidget(tab)
     tab.folder_edit.setText(str(folder))
-    tab.look()
-    qtbot.waitUntil(lambda: tab.table.rowCount() == 2, timeout=20_000)
-    qtbot.waitUntil(tab.look_button.isEnabled)
+    tab.table.show_files(files.rows, files.pictures)
     yield tab
     tab.close_job()
 
@@ -93,11 +97,25 @@ def test_a_result_is_shown_as_one_and_a_session_by_its_calibration(tab: Sessions
     with qtbot.waitSignal(tab.calibration_asked) as asked:
         tab.show_button.click()
     assert asked.args == [folder / "whole.h5"]
-    tab.table.show_files([{"path": "/a.result.h5", "state": "other", "problems": [("/a.result.h5", "no session")]}], {})
-    tab.table.selectRow(0)
+    paths = ("/a.result.h5", "/a.stack.h5", "/a.h5")
+    other = [{"path": path, "state": "other", "problems": [(path, "holds brdf")]} for path in paths]
+    tab.table.show_files(other, {})
+    assert [cell(tab, row, STATE) for row in range(3)] == ["– result", "– stack", "– no session"]
+    assert [cell(tab, row, TITLE) for row in range(3)] == ["", "", "holds brdf"]
+    select(tab, "a.result.h5")
     with qtbot.waitSignal(tab.result_asked) as asked:
         tab.show_button.click()
     assert asked.args == [Path("/a.result.h5")]
+
+
+def test_a_folder_is_looked_at_in_the_background(tab: SessionsTab, qtbot: QtBot):
+    shown = [column(tab, number) for number in (STATE, POSES, TITLE)]
+    tab.table.setRowCount(0)
+    tab.look_button.click()
+    assert not tab.look_button.isEnabled()
+    qtbot.waitUntil(lambda: tab.table.rowCount() == 2, timeout=20_000)
+    assert [column(tab, number) for number in (STATE, POSES, TITLE)] == shown
+    qtbot.waitUntil(tab.look_button.isEnabled)
 
 
 def test_a_folder_that_is_none_is_said(tab: SessionsTab, qtbot: QtBot):
@@ -109,15 +127,17 @@ def test_a_folder_that_is_none_is_said(tab: SessionsTab, qtbot: QtBot):
 
 
 @pytest.fixture
-def copied(tab: SessionsTab, folder: Path, qtbot: QtBot, tmp_path: Path) -> Path:
+def copied(tab: SessionsTab, folder: Path, files: Files, tmp_path: Path) -> Path:
     """Show a folder with one session, and select that."""
-    shutil.copy(folder / "whole.h5", tmp_path / "my session.h5")
-    tab.folder_edit.setText(str(tmp_path))
-    tab.look()
-    qtbot.waitUntil(lambda: tab.table.rowCount() == 1, timeout=20_000)
-    qtbot.waitUntil(tab.look_button.isEnabled)
-    select(tab, "my session.h5")
-    return tmp_path / "my session.h5"
+    path = tmp_path / "my session.h5"
+    shutil.copy(folder / "whole.h5", path)
+    whole = next(row for row in files.rows if row["state"] == "complete")
+    # Where there is nothing to look at again after a command.
+    (tmp_path / "empty").mkdir()
+    tab.folder_edit.setText(str(tmp_path / "empty"))
+    tab.table.show_files([whole | {"path": str(path)}], {})
+    select(tab, path.name)
+    return path
 
 
 def test_a_file_that_vanished_is_a_message(tab: SessionsTab, qtbot: QtBot, copied: Path):
@@ -129,7 +149,10 @@ def test_a_file_that_vanished_is_a_message(tab: SessionsTab, qtbot: QtBot, copie
         assert "my session.h5" in failed.args[0]
 
 
-def test_a_command_shows_its_line_its_output_and_why_it_failed(tab: SessionsTab, qtbot: QtBot, copied: Path):
+def test_a_command_shows_its_line_its_output_and_why_it_failed(
+    tab: SessionsTab, qtbot: QtBot, copied: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(command, "_PROGRAM", ("-c", "import sys; print('first'); print('why'); sys.exit(2)"))
     panel, lines = tab.reprocessing, []
     tab.line.connect(lines.append)
     with qtbot.waitSignal(tab.failed, timeout=60_000) as failed:
@@ -137,12 +160,22 @@ def test_a_command_shows_its_line_its_output_and_why_it_failed(tab: SessionsTab,
         assert not panel.report_button.isEnabled()
     stack = copied.with_name("my session.stack.h5")
     assert panel.command_edit.text().startswith(f"halfangle calibrate '{copied}' -o '{stack}' --report ")
-    assert lines[0] == panel.command_edit.text()
-    assert "ended with exit code 2" in failed.args[0]
-    assert lines[-1] in failed.args[0]
+    assert lines == [panel.command_edit.text(), "first", "why"]
+    assert failed.args[0] == f"{panel.command_edit.text()}\nended with exit code 2:\nfirst\nwhy"
     assert "exit code 2" in panel.state_label.text()
-    assert not stack.exists()
     qtbot.waitUntil(panel.calibrate_button.isEnabled)
+
+
+@pytest.mark.parametrize(("button", "signal"), [("calibrate", "calibration_asked"), ("reconstruct", "result_asked")])
+def test_what_a_command_made_is_asked_to_be_shown(
+    tab: SessionsTab, qtbot: QtBot, copied: Path, monkeypatch: pytest.MonkeyPatch, button: str, signal: str
+):
+    monkeypatch.setattr(command, "_PROGRAM", ("-c", "print('done it')"))
+    with qtbot.waitSignal(getattr(tab, signal), timeout=60_000) as asked:
+        getattr(tab.reprocessing, f"{button}_button").click()
+    made = {"calibrate": copied, "reconstruct": copied.with_name("my session.result.h5")}[button]
+    assert asked.args == [made]
+    assert tab.reprocessing.state_label.text() == "done: done it"
 
 
 def test_a_report_without_a_result_is_refused_before_anything_runs(tab: SessionsTab, qtbot: QtBot, copied: Path):
@@ -152,12 +185,16 @@ def test_a_report_without_a_result_is_refused_before_anything_runs(tab: Sessions
     assert tab.reprocessing.command_edit.text() == ""
 
 
-def test_a_command_is_ended_and_is_no_failure(qtbot: QtBot, copied: Path, tab: SessionsTab):
-    panel: ReprocessingPanel = tab.reprocessing
-    with qtbot.waitSignal(panel.line, timeout=20_000):
-        panel.calibrate_button.click()
-    failures: list[str] = []
+def test_a_command_is_ended_and_is_no_failure(
+    tab: SessionsTab, qtbot: QtBot, copied: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(command, "_PROGRAM", ("-c", "import time; print('begun', flush=True); time.sleep(60)"))
+    panel, lines, failures = tab.reprocessing, [], []
+    panel.line.connect(lines.append)
     panel.failed.connect(failures.append)
+    panel.reconstruct_button.click()
+    qtbot.waitUntil(lambda: "begun" in lines, timeout=20_000)
+    monkeypatch.setattr(command, "PATIENCE_MS", 500)
     with qtbot.waitSignal(panel.ended, timeout=20_000):
         panel.end_button.click()
     assert panel.state_label.text() == "ended before it was done"
