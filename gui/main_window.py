@@ -153,7 +153,7 @@ class MainWindow(QMainWindow):
         self._show_light(SIGNS[progress.state])
         self.log_panel.add(logging.INFO, progress.message)
         if progress.warning:
-            self.banner.tell(progress.warning)
+            self.banner.warn(progress.warning)
             self.log_panel.add(logging.WARNING, progress.warning)
 
     def _show_outlook(self, outlook: Outlook) -> None:
