@@ -40,6 +40,7 @@ from protocols.dry_run import Outlook
 from protocols.progress import Outcome, Progress
 
 _UNTIL_DARK_MS = 100
+_NARROWEST = 200
 
 
 class MainWindow(QMainWindow):
@@ -252,5 +253,6 @@ def _scrolling(widget: QWidget) -> QScrollArea:
     area = QScrollArea(widgetResizable=True)
     area.setFrameShape(QFrame.Shape.NoFrame)
     area.setWidget(widget)
-    area.setMinimumWidth(min(widget.minimumSizeHint().width(), 280))
+    # Narrower than its widget wants to be: at 200 % a whole screen is 960 pixels wide.
+    area.setMinimumWidth(_NARROWEST)
     return area
