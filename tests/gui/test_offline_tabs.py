@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QWidget
+from PySide6.QtWidgets import QApplication, QWidget
 from pytestqt.qtbot import QtBot
 
 from gui.command import Command
@@ -57,17 +57,30 @@ def test_the_window_closes_while_a_command_runs_and_ends_it(window: MainWindow, 
     assert not command.is_running
 
 
-def test_every_tab_is_gone_through_with_the_tab_key_alone(window: MainWindow, qtbot: QtBot):
-    for tab in tabs_of(window):
-        window.tabs.setCurrentWidget(tab)
-        wanted = {w for w in tab.findChildren(QWidget) if w.focusPolicy() & Qt.FocusPolicy.TabFocus and w.isVisible()}
-        wanted = {w for w in wanted if w.isEnabled()}
-        start = seen = tab.nextInFocusChain()
-        passed = {seen}
-        while (seen := seen.nextInFocusChain()) is not start:
-            passed.add(seen)
-        assert wanted <= passed
+def reached_by_tab(part: QWidget) -> set[QWidget]:
+    """Return what of a window the Tab key comes by, from where it starts."""
+    part.window().activateWindow()
+    passed: list[QWidget] = []
+    while (now := QApplication.focusWidget()) not in passed:
+        passed.append(now)
+        part.window().focusNextChild()
+    return set(passed)
+
+
+def test_everything_is_reached_with_the_tab_key_alone(window: MainWindow, qtbot: QtBot):
+    for part in (*tabs_of(window), window.protocol_panel):
+        if part is not window.protocol_panel:
+            window.tabs.setCurrentWidget(part)
+        wanted = {
+            widget
+            for widget in part.findChildren(QWidget)
+            if widget.focusPolicy() & Qt.FocusPolicy.TabFocus
+            and widget.isVisible()
+            and widget.isEnabled()
+            and widget.focusProxy() is None
+        }
         assert wanted
+        assert wanted - reached_by_tab(part) == set()
 
 
 def test_the_tabs_leave_room_on_a_small_screen(window: MainWindow):
