@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from PySide6.QtCore import QCoreApplication, Qt
+from PySide6.QtCore import QCoreApplication, Qt, QTimer
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem, QWidget
 
 from analysis.checks import Check, Status
@@ -18,6 +18,8 @@ COLUMNS = (
     QT_TRANSLATE_NOOP("ChecksTable", "Allowed"),
     QT_TRANSLATE_NOOP("ChecksTable", "What next"),
 )
+_OUTCOME, _NARROWEST_LETTERS = 1, 12
+
 # A sign that is told apart without its colour, and the word of the report.
 OUTCOMES = {Status.PASS: "✓ PASS", Status.WARN: "▲ WARN", Status.FAIL: "✗ FAIL"}
 
@@ -36,9 +38,12 @@ class ChecksTable(QTableWidget):
         self.verticalHeader().hide()
         header = self.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
-        for narrow in (0, 1):
-            header.setSectionResizeMode(narrow, QHeaderView.ResizeMode.ResizeToContents)
-        header.sectionResized.connect(lambda *_: self.resizeRowsToContents())
+        header.setSectionResizeMode(_OUTCOME, QHeaderView.ResizeMode.ResizeToContents)
+        header.setMinimumSectionSize(_NARROWEST_LETTERS * self.fontMetrics().averageCharWidth())
+        # Once all columns have their widths.
+        self._fitting = QTimer(self, singleShot=True, interval=0)
+        self._fitting.timeout.connect(self.resizeRowsToContents)
+        header.sectionResized.connect(lambda *_: self._fitting.start())
 
     def show_checks(self, checks: Sequence[Check]) -> None:
         """Show checks in their order."""
@@ -50,4 +55,4 @@ class ChecksTable(QTableWidget):
                 item.setToolTip(item.text())
                 item.setTextAlignment(Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft)
                 self.setItem(i_row, i_column, item)
-        self.resizeRowsToContents()
+        self._fitting.start()

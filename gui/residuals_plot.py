@@ -35,7 +35,7 @@ class ResidualsPlot(Plot):
         self.setLabel("left", self.tr("row, pixels"))
         self.frame_item = pg.PlotCurveItem(pen=pg.mkPen(_OTHERS))
         self.others = pg.PlotCurveItem(connect="pairs", pen=pg.mkPen(_OTHERS))
-        self.arrows = pg.PlotCurveItem(connect="pairs", pen=pg.mkPen(OKABE_ITO["vermillion"], width=2))
+        self.arrows = pg.PlotCurveItem(connect="pairs")
         self.scale = pg.PlotCurveItem(connect="pairs", pen=pg.mkPen(OKABE_ITO["blue"], width=3))
         self.scale_text = pg.TextItem(color=_OTHERS[:3], anchor=(0.0, 1.0))
         for item in (self.frame_item, self.others, self.arrows, self.scale, self.scale_text):
@@ -59,6 +59,8 @@ class ResidualsPlot(Plot):
         shown = [self._views[view]] if view is not None else list(self._views)
         residuals = np.concatenate([np.zeros((0, 2)), *(v.residuals for v in shown)])
         self.times = exaggeration(residuals, self._image_size)
+        # Thin where there are tens of thousands, which are drawn much faster so.
+        self.arrows.setPen(pg.mkPen(OKABE_ITO["vermillion"], width=1 if view is None else 2))
         self._draw(self.arrows, shown)
         self._draw(self.others, [] if view is None else list(self._views))
         self._draw_scale(bool(len(residuals)))

@@ -27,7 +27,8 @@ def test_a_session_becomes_a_result_whose_points_show_their_samples(window: Main
     rig = load_rig(EXAMPLES / "simulated.toml")
     engine.capture(rig, load_protocol(tmp_path / "few.toml"), tmp_path / "s.h5", devices=open_devices)
     with h5py.File(tmp_path / "s.h5", "r+") as file:
-        # As a capture from elsewhere states it; as fine as the pictures takes minutes.
+        # A part of the area, at a pitch as captures from elsewhere state it; the whole of it takes minutes.
+        file[layout.AREA.path][...] = 40.0
         file.create_dataset(layout.PIXEL_PITCH.path, data=1.0).attrs["units"] = "mm"
     sessions = window.sessions_tab
     window.tabs.setCurrentWidget(sessions)
