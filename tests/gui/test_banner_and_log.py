@@ -69,11 +69,11 @@ def test_lines_below_the_level_come_back_when_it_is_lowered(panel: LogPanel):
     panel.add(logging.DEBUG, "a detail")
     panel.add(logging.WARNING, "a warning")
     assert "a detail" not in panel.text.toPlainText()
-    panel.level_box.setCurrentText("All")
+    panel.level_box.setCurrentIndex(0)
     panel.add(logging.WARNING, "a warning")
     shown = panel.text.toPlainText().splitlines()
     assert [line.split("  ")[-1].strip() for line in shown] == ["a detail", "a warning"]
-    panel.level_box.setCurrentText("Errors")
+    panel.level_box.setCurrentIndex(3)
     assert panel.text.toPlainText() == ""
 
 
