@@ -17,6 +17,7 @@ from analysis.stack import Stack
 from analysis.stack_file import write_stack
 from benchmarks.scenes import relief
 from gui.result_tab import RELIT, TITLES, ResultTab
+from gui.watchdog import Watchdog
 
 SIZE = 16
 CENTRE = QPointF(SIZE / 2, SIZE / 2)
@@ -196,6 +197,19 @@ def test_the_light_stays_where_it_is_while_another_map_is_shown(tab: ResultTab, 
     qtbot.keyClick(tab.picture, Qt.Key.Key_Right)
     assert tab.light.place == before
     assert not tab.light.sign.isVisible()
+
+
+def test_picking_and_drawing_leave_the_window_alive(tab: ResultTab, qtbot: QtBot):
+    pick(tab, qtbot, 3, 5)
+    watchdog = Watchdog()
+    watchdog.begin()
+    for i, name in enumerate(TITLES):
+        choose(tab, qtbot, name)
+        pick(tab, qtbot, i, i)
+    watchdog.end()
+    assert len(watchdog.delays) > 5
+    # 50 ms are wanted; a machine that does other things too takes longer.
+    assert watchdog.longest < 0.4
 
 
 def test_what_is_no_result_says_why_and_leaves_what_is_shown(tab: ResultTab, tmp_path: Path, qtbot: QtBot):
