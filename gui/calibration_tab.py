@@ -157,7 +157,9 @@ class CalibrationTab(QWidget):
             label.setBuddy(field)
             row.addWidget(label)
             row.addWidget(field, stretch=1 if field is self.file_field else 0)
-        row.addWidget(self.calibrate_button)
+        told = QHBoxLayout()
+        told.addWidget(self.state_label, stretch=1)
+        told.addWidget(self.calibrate_button)
         plots = QSplitter(Qt.Orientation.Horizontal)
         plots.addWidget(self._coverage())
         plots.addWidget(_stacked(self.residuals, self.pose_label))
@@ -169,7 +171,7 @@ class CalibrationTab(QWidget):
         rows.setSizes([600, 400])
         column = QVBoxLayout(self)
         column.addLayout(row)
-        column.addWidget(self.state_label)
+        column.addLayout(told)
         column.addWidget(rows, stretch=1)
 
     def _coverage(self) -> QWidget:

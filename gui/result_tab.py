@@ -37,6 +37,7 @@ TITLES = {
 }
 """What the operator reads, by the names of `analysis.result_maps.MAPS`."""
 
+_FEWEST_LETTERS = 8  # of a map's title
 _LIGHT_HEIGHT, _CAMERA_HEIGHT = 0.8, 2.0  # of what relights, in widths of the area
 
 
@@ -61,6 +62,9 @@ class ResultTab(QWidget):
         self.map_box = QComboBox()
         for name, title in TITLES.items():
             self.map_box.addItem(QCoreApplication.translate("ResultTab", title), name)
+        # As narrow as it has to be: the texts are longer than a small screen has room for.
+        self.map_box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.map_box.setMinimumContentsLength(_FEWEST_LETTERS)
         self.picture = Picture()
         self.picture.setAccessibleName(self.tr("Map of the result"))
         self.mark = _mark()
@@ -172,7 +176,7 @@ class ResultTab(QWidget):
             label = QLabel(text)
             label.setBuddy(field)
             row.addWidget(label)
-            row.addWidget(field, stretch=1 if field is self.file_field else 0)
+            row.addWidget(field, stretch=2 if field is self.file_field else 1)
         left = QWidget()
         map_column = QVBoxLayout(left)
         map_column.setContentsMargins(0, 0, 0, 0)

@@ -86,5 +86,5 @@ def test_everything_is_reached_with_the_tab_key_alone(window: MainWindow, qtbot:
 def test_the_tabs_leave_room_on_a_small_screen(window: MainWindow):
     for tab in tabs_of(window):
         hint = tab.minimumSizeHint()
-        assert hint.width() <= 400, tab
+        assert hint.width() <= 320, tab
         assert hint.height() <= 320, tab
