@@ -22,6 +22,7 @@ from drivers.registry import open_devices
 from gui.acquisition import Acquisition, Introduction
 from gui.actions import CONTEXT, MENUS, ActionButton
 from gui.banner import Banner
+from gui.calibration_tab import CalibrationTab
 from gui.capture_model import CaptureModel
 from gui.light_sign import SIGNS, LightLabel, LightSign
 from gui.live_controls import LiveControls
@@ -69,6 +70,7 @@ class MainWindow(QMainWindow):
         self.stop_button = StopButton()
         self.live_view = LiveView(config.boards, config.camera.focal_length_px)
         self.sessions_tab = SessionsTab()
+        self.calibration_tab = CalibrationTab()
         self.result_tab = ResultTab()
         self.protocol_panel = ProtocolPanel()
         self.banner = Banner()
@@ -81,6 +83,7 @@ class MainWindow(QMainWindow):
         self._fill_menus()
         self._wire_rig()
         self._wire_capture()
+        self._wire_files()
         self._wire_log()
         self.connect_rig()
 
@@ -104,6 +107,7 @@ class MainWindow(QMainWindow):
         self.acquisition.close()
         self.live_view.close_workers()
         self.sessions_tab.close_job()
+        self.calibration_tab.close_job()
         self.result_tab.close_job()
         self.closed.emit()
         event.accept()
@@ -139,6 +143,22 @@ class MainWindow(QMainWindow):
         capture.ended.connect(self._show_outcome)
         capture.failed.connect(self.show_failure)
         self.sessions_tab.chosen.connect(lambda path: panel.session_edit.setText(str(path)))
+
+    def _wire_files(self) -> None:
+        sessions, calibration, result = self.sessions_tab, self.calibration_tab, self.result_tab
+        sessions.calibration_asked.connect(calibration.open_session)
+        sessions.calibration_asked.connect(lambda _: self._turn_to(calibration))
+        sessions.result_asked.connect(result.open_file)
+        sessions.result_asked.connect(lambda _: self._turn_to(result))
+        calibration.calibrate_asked.connect(sessions.calibrate)
+        sessions.line.connect(lambda line: self.log_panel.add(logging.INFO, line))
+        for tab in (sessions, calibration, result):
+            tab.failed.connect(self.show_failure)
+
+    def _turn_to(self, tab: QWidget) -> None:
+        # Whoever watches the live picture goes on watching it.
+        if self.tabs.currentWidget() is not self.live_view:
+            self.tabs.setCurrentWidget(tab)
 
     def _wire_log(self) -> None:
         self._log_relay.carrier.logged.connect(self.log_panel.add)
@@ -194,6 +214,7 @@ class MainWindow(QMainWindow):
         self.tabs = QTabWidget()
         self.tabs.addTab(self.live_view, self.tr("Live"))
         self.tabs.addTab(self.sessions_tab, self.tr("Sessions"))
+        self.tabs.addTab(self.calibration_tab, self.tr("Calibration"))
         self.tabs.addTab(self.result_tab, self.tr("Result"))
         self.columns = QSplitter(Qt.Orientation.Horizontal)
         for part in (self._left_column(), self.tabs, _scrolling(self.protocol_panel)):
