@@ -98,7 +98,7 @@ def detect_corners(
     cell = channel_of_cell(bayer_pattern)
     first = np.cumsum([0, *((b.squares[0] - 1) * (b.squares[1] - 1) for b in boards)])
     found, legacy = [], set()
-    for index, candidates in _candidates(image, boards):
+    for index, candidates in board_readings(image, boards):
         fits = [_fit_board(picture, cell, boards[index], candidate, lens) for candidate in candidates]
         best = max(range(len(fits)), key=lambda k: len(fits[k]))
         if len(fits[best]):
@@ -109,16 +109,33 @@ def detect_corners(
 
 
 @dataclass(frozen=True, slots=True)
-class _Candidate:
-    """Points of a board (mm) and where they seem to be in the picture, on one reading of the pattern."""
+class BoardReading:
+    """Points of a board and where they seem to be in the picture, on one reading of the pattern.
+
+    Attributes
+    ----------
+    legacy : bool
+        Whether the pattern is that of OpenCV before its version 4.6.
+    board_points : ndarray, shape (n, 2)
+        From the board's top left corner, x right and y down, mm.
+    image_points : ndarray, shape (n, 2)
+        Pixels.
+    """
 
     legacy: bool
     board_points: Array
     image_points: Array
 
 
-def _candidates(image: NDArray[np.uint8], boards: Sequence[Board]) -> Iterator[tuple[int, list[_Candidate]]]:
-    """Yield each board that shows, with every reading of it."""
+def board_readings(image: NDArray[np.uint8], boards: Sequence[Board]) -> Iterator[tuple[int, list[BoardReading]]]:
+    """Yield the index of each board that shows, with every reading of it.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W)
+        As `detection_image` returns it.
+    boards : sequence of Board
+    """
     markers = {name: _markers(image, name) for name in {b.dictionary for b in boards if b.kind == "charuco"}}
     for index, board in enumerate(boards):
         if board.kind == "checkerboard":
@@ -139,7 +156,7 @@ def _markers(image: NDArray[np.uint8], dictionary: str) -> tuple[Array, NDArray[
     return np.asarray(corners, np.float64).reshape(-1, 4, 2), np.asarray(ids, np.int64).ravel()
 
 
-def _charuco_readings(corners: Array, ids: NDArray[np.int64], board: Board) -> list[_Candidate]:
+def _charuco_readings(corners: Array, ids: NDArray[np.int64], board: Board) -> list[BoardReading]:
     ours = (ids >= board.first_id) & (ids < board.first_id + n_markers(board))
     readings = []
     # With an odd number of rows the old pattern and the new one are the same.
@@ -147,11 +164,11 @@ def _charuco_readings(corners: Array, ids: NDArray[np.int64], board: Board) -> l
         outlines = np.asarray(charuco_board(board, legacy).getObjPoints(), np.float64)[ids[ours] - board.first_id]
         on_board, in_picture = outlines[..., :2].reshape(-1, 2), corners[ours].reshape(-1, 2)
         keep = _consistent(on_board, in_picture)
-        readings.append(_Candidate(legacy, on_board[keep], in_picture[keep]))
+        readings.append(BoardReading(legacy, on_board[keep], in_picture[keep]))
     return [r for r in readings if len(r.board_points) >= _MIN_POINTS]
 
 
-def _checkerboard_readings(image: NDArray[np.uint8], board: Board) -> list[_Candidate]:
+def _checkerboard_readings(image: NDArray[np.uint8], board: Board) -> list[BoardReading]:
     """Both ways round: which one it is, the sign of the contrast tells."""
     size = (board.squares[0] - 1, board.squares[1] - 1)
     shown, corners = cv2.findChessboardCornersSB(image, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
@@ -160,7 +177,7 @@ def _checkerboard_readings(image: NDArray[np.uint8], board: Board) -> list[_Cand
     if not shown:
         return []
     grid, in_picture = chessboard_corners(board), np.asarray(corners, np.float64).reshape(-1, 2)
-    return [_Candidate(False, grid, points) for points in (in_picture, in_picture[::-1])]
+    return [BoardReading(False, grid, points) for points in (in_picture, in_picture[::-1])]
 
 
 def _consistent(board_points: Array, image_points: Array) -> NDArray[np.bool_]:
@@ -173,7 +190,7 @@ def _consistent(board_points: Array, image_points: Array) -> NDArray[np.bool_]:
 
 
 def _fit_board(
-    picture: NDArray[np.float32], cell: NDArray[np.int64], board: Board, candidate: _Candidate, lens: Lens | None
+    picture: NDArray[np.float32], cell: NDArray[np.int64], board: Board, candidate: BoardReading, lens: Lens | None
 ) -> BoardCorners:
     """Fit the print twice: the corners found first lead to those that were missed."""
     grid = chessboard_corners(board)

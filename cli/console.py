@@ -16,7 +16,7 @@ def console(rig: Path) -> None:
 
     config = load_rig(rig)
     try:
-        from gui.main_window import run
+        from gui.console import run
     except ImportError as error:
         raise click.ClickException(
             f"the console cannot start: {error}. It needs the extra halfangle[gui], "

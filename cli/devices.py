@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 rig_argument = click.argument("rig_file", metavar="RIG", type=click.Path(path_type=Path))
+PICTURES = (".png", ".tif", ".tiff")
 home_option = click.option("--home", is_flag=True, help="Let the stage find its zero first, over its whole way.")
 
 
@@ -79,6 +81,75 @@ def check(rig_file: Path, home: bool, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps([asdict(finding) for finding in findings], indent=2))
     _leave_with(findings)
+
+
+@rig.command(epilog="Example: halfangle rig safe examples/simulated.toml")
+@rig_argument
+def safe(rig_file: Path) -> None:
+    """Switch the light of RIG (TOML) off, stop its stage and its camera.
+
+    A rig that another program holds is that program's to make safe: end it, and the light goes off.
+    """
+    from instrument.config import load_rig
+    from instrument.rig import Rig
+
+    with Rig.connected(load_rig(rig_file)):
+        # Leaving it is what makes it safe, or raises.
+        pass
+    click.echo("the light is off, stage and camera are stopped")
+
+
+@rig.command(epilog="Example: halfangle rig frame examples/simulated.toml --exposure-time 0.02 -o frame.png")
+@rig_argument
+@click.option("--exposure-time", default=0.01, show_default=True, help="Seconds.")
+@click.option("--region", type=int, nargs=4, metavar="TOP LEFT BOTTOM RIGHT", help="What the numbers are of, pixels.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Picture of the raw counts to write (PNG, TIFF).")
+@json_option
+def frame(
+    rig_file: Path, exposure_time: float, region: tuple[int, int, int, int] | None, output: Path | None, as_json: bool
+) -> None:
+    """Take one frame of RIG (TOML) in the light: how bright, how sharp it is, and which boards it shows."""
+    from analysis.board_overlay import see_boards
+    from instrument.config import load_rig
+    from instrument.frame_facts import Region, frame_facts
+    from instrument.rig import Rig
+    from protocols.single_frame import take_single_frame
+
+    config = load_rig(rig_file)
+    write = _picture_writer(output)
+    with Rig.connected(config) as ready:
+        taken, camera = take_single_frame(ready, exposure_time), ready.camera.describe()
+    facts = frame_facts(taken.counts, camera, Region(*region) if region else None)
+    boards = [board.record for board in config.boards]
+    seen = see_boards(taken.counts, camera.bayer_pattern, boards, config.camera.focal_length_px)
+    write(taken.counts)
+    figures = {
+        "exposure_time_s": taken.exposure_time,
+        "median_counts": facts.median,
+        "clipped": facts.clipped,
+        "black": facts.black,
+        "focus": facts.focus,
+        "n_boards": seen.n_boards,
+        "board_rms_px": None if isnan(seen.rms_px) else seen.rms_px,
+    }
+    click.echo(json.dumps(figures, indent=2) if as_json else "\n".join(f"{k:<16} {v}" for k, v in figures.items()))
+
+
+def _picture_writer(output: Path | None) -> Callable[[Any], None]:
+    """Return what writes a picture of 16 bits; before anything shines it is known that it can be written."""
+    if output is None:
+        return lambda counts: None
+    if output.suffix.lower() not in PICTURES:
+        raise click.BadParameter(f"{output} is no picture of 16 bits; use {' or '.join(PICTURES)}", param_hint="-o")
+    if not output.parent.is_dir():
+        raise click.BadParameter(f"there is no folder {output.parent}; make it first", param_hint="-o")
+
+    def write(counts: Any) -> None:
+        import cv2
+
+        output.write_bytes(cv2.imencode(output.suffix, counts)[1].tobytes())
+
+    return write
 
 
 def _leave_with(findings: list[Finding]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from enum import Enum
 from queue import Empty, SimpleQueue
 from threading import Event
 from typing import NamedTuple
@@ -16,6 +15,7 @@ from drivers.errors import DeviceError
 from drivers.light import LightDescription
 from drivers.registry import open_devices
 from drivers.stage import StageDescription
+from gui.light_sign import LightSign
 from instrument.config import RigConfig
 from instrument.rig import OpenDevices, Rig
 
@@ -25,16 +25,9 @@ FIRST_EXPOSURE_TIME = 0.01
 LEASE = 2.0
 """Seconds for which the light outlives an exposure, and for which the window may keep silent."""
 
-SHORTEST_PERIOD = 1 / 30
-"""Seconds from one frame to the next: no display needs more, and the cores have other work."""
-
-
-class LightSign(Enum):
-    """What is known of the light."""
-
-    OFF = "LIGHT OFF"
-    ON = "LIGHT ON"
-    UNKNOWN = "LIGHT UNKNOWN"
+SHORTEST_PERIOD = 1 / 40
+"""Seconds from one frame to the next: a little less than a picture that looks smooth needs, and no more than the cores
+can do beside other work."""
 
 
 class Introduction(NamedTuple):

@@ -1,103 +1,170 @@
-"""The live picture: what clips, is black or is sharp is marked; a histogram, and the raw count at the cursor."""
+"""The live picture at full bit depth: marks, boards, a region and a line to measure, and raw counts everywhere."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
+
 import pyqtgraph as pg
-from numpy.typing import NDArray
-from PySide6.QtCore import QPointF
-from PySide6.QtWidgets import QCheckBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtCore import QRectF, Qt
+from PySide6.QtWidgets import QCheckBox, QHBoxLayout, QSplitter, QVBoxLayout, QWidget
 
 from drivers.camera import CameraDescription
-from gui.live_facts import BLACK, CLIPPED, N_BINS, SHARP, LiveFacts
+from gui.board_overlay import BoardOverlay
+from gui.counts_plots import HistogramPlot, ProfilePlot
+from gui.live_picture import Look, Wanted, colour_table, look_at
+from gui.newest import Newest
+from gui.plots import OKABE_ITO, Picture
+from gui.text import QT_TRANSLATE_NOOP, selectable
+from instrument.board_config import BoardConfig
+from instrument.frame_facts import BLACK, CLIPPED, SHARP, Counts, Region
 
-# Told apart with any kind of sight, after Okabe and Ito: vermillion, blue, yellow.
-MARK_COLOURS = {CLIPPED: (213, 94, 0), BLACK: (0, 114, 178), SHARP: (240, 228, 66)}
-MARK_TEXTS = {CLIPPED: "Clipped", BLACK: "Black", SHARP: "In focus"}
-CHANNEL_COLOURS = {"R": "#d55e00", "G": "#009e73", "B": "#0072b2", "grey": "#808080"}
+MARK_TEXTS = {
+    CLIPPED: QT_TRANSLATE_NOOP("LiveView", "&Clipped"),
+    BLACK: QT_TRANSLATE_NOOP("LiveView", "&Black"),
+    SHARP: QT_TRANSLATE_NOOP("LiveView", "In &focus"),
+}
+_TOOL_PEN = pg.mkPen(OKABE_ITO["purple"], width=2)
 
 
 class LiveView(QWidget):
-    """Shows frames of one camera; wheel to zoom, drag to pan."""
+    """Shows frames of one camera.
 
-    def __init__(self, parent: QWidget | None = None) -> None:
+    Parameters
+    ----------
+    boards : sequence of BoardConfig
+        The marker boards of the rig, to be found in the picture.
+    focal_length_px : float
+        Nominal.
+    parent : QWidget, optional
+        As in Qt.
+    """
+
+    def __init__(self, boards: Sequence[BoardConfig], focal_length_px: float, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._counts: NDArray[np.uint16] = np.zeros((0, 0), np.uint16)
-        self.canvas = pg.GraphicsView()
-        self._box = pg.ViewBox(lockAspect=True, invertY=True, enableMenu=False)
-        # Rows first, as in numpy: pyqtgraph's own default shows pictures transposed.
-        self.picture = pg.ImageItem(axisOrder="row-major")
-        self.marks = pg.ImageItem(axisOrder="row-major")
-        self.canvas.setCentralItem(self._box)
-        self._box.addItem(self.picture)
-        self._box.addItem(self.marks)
-        self.switches = {mark: QCheckBox(text) for mark, text in MARK_TEXTS.items()}
-        for mark, switch in self.switches.items():
-            switch.setChecked(mark == CLIPPED)
-            switch.toggled.connect(self._colour_marks)
-        self.histogram = pg.PlotWidget()
-        self.clip_line = pg.InfiniteLine(angle=90, pen=pg.mkPen(MARK_COLOURS[CLIPPED], width=2))
-        self.counts_label = QLabel("no frame yet")
-        self.cursor_label = QLabel()
-        self._edges = np.arange(N_BINS, dtype=float)
-        self._bars: dict[str, pg.PlotDataItem] = {}
+        self._camera: CameraDescription | None = None
+        self._look: Look | None = None
+        self.looking = Newest(look_at, self)
+        self.picture = Picture()
+        self.picture.setAccessibleName(self.tr("Live picture"))
+        self.switches = {mark: QCheckBox(self.tr(text)) for mark, text in MARK_TEXTS.items()}
+        self.switches[CLIPPED].setChecked(True)
+        self.board_switch = QCheckBox(self.tr("B&oards"))
+        self.region_switch = QCheckBox(self.tr("Re&gion"))
+        self.line_switch = QCheckBox(self.tr("Li&ne"))
+        self.boards = BoardOverlay(self.picture, boards, focal_length_px, self)
+        self.region = pg.RectROI((0, 0), (2, 2), pen=_TOOL_PEN)
+        self.line = pg.LineSegmentROI([(0, 0), (1, 1)], pen=_TOOL_PEN)
+        self.histogram = HistogramPlot()
+        self.profile = ProfilePlot()
+        self.facts_label = selectable(self.tr("no frame yet"), self.tr("Facts of the live picture"))
+        self.cursor_label = selectable("", self.tr("Counts at the cursor"))
+        self._table = colour_table()
         self._lay_out()
-        self._colour_marks()
-        self._box.scene().sigMouseMoved.connect(self._show_cursor)
+        self._wire()
 
     def expect(self, camera: CameraDescription) -> None:
-        """Take clipping and depth from `camera`, and fit the view to its frames."""
-        top = 2**camera.bit_depth
-        self.picture.setLevels((0, 255))
-        self.clip_line.setValue(camera.saturation_level)
-        self.histogram.setXRange(0, top, padding=0.02)
-        self._edges = np.arange(N_BINS) * top / N_BINS
-        self._box.setRange(xRange=(0, camera.width), yRange=(0, camera.height), padding=0.02)
+        """Take clipping and depth from `camera`, and fit view and tools to its frames."""
+        self._camera = camera
+        self.histogram.expect(camera)
+        if self.picture.size_in_pixels != (camera.height, camera.width):
+            self.picture.fit(camera.height, camera.width)
+            self._place_tools(camera.height, camera.width)
 
-    def show_frame(self, counts: NDArray[np.uint16], facts: LiveFacts) -> None:
-        """Show one frame of raw counts, shape (height, width), and what was seen of it."""
-        self._counts = counts
-        self.picture.setImage(facts.shown, autoLevels=False)
-        self.marks.setImage(facts.marks, autoLevels=False, levels=(0, len(MARK_COLOURS)))
-        for name, values in facts.histogram.items():
-            # The logarithm of an empty bin is nowhere.
-            self._bar(name).setData(self._edges, np.maximum(values, 0.5))
-        self.counts_label.setText(
-            f"median {facts.median:.0f} counts; {100 * facts.clipped:.2f} % clipped, {100 * facts.black:.2f} % black; "
-            f"focus {facts.focus:.3f}"
+    def take(self, counts: Counts) -> None:
+        """Look at a frame of raw counts, shape (H, W), and show it as soon as that is done."""
+        if self._camera is not None:
+            self.looking.ask((counts, self._camera, self.wanted))
+            if self.board_switch.isChecked():
+                self.boards.take(counts, self._camera)
+
+    @property
+    def wanted(self) -> Wanted:
+        """What the switches and tools ask for."""
+        marks = frozenset(mark for mark, switch in self.switches.items() if switch.isChecked())
+        low, high = self.histogram.window_counts
+        return Wanted(low, high, marks, self._region() if self.region_switch.isChecked() else None)
+
+    def close_workers(self) -> None:
+        """Join the threads."""
+        self.looking.close()
+        self.boards.close()
+
+    def show_look(self, look: Look) -> None:
+        """Show one frame that was looked at."""
+        self._look = look
+        facts = look.facts
+        self.picture.show_image(look.image, self._table)
+        self.histogram.show_facts(facts)
+        self._show_profile()
+        self.facts_label.setText(
+            self.tr(
+                "median {median:.0f} counts; {clipped:.2f} % clipped, {black:.2f} % black; focus {focus:.3f}"
+            ).format(median=facts.median, clipped=100 * facts.clipped, black=100 * facts.black, focus=facts.focus)
         )
 
-    def _bar(self, name: str) -> pg.PlotDataItem:
-        if name not in self._bars:
-            self._bars[name] = self.histogram.plot(pen=pg.mkPen(CHANNEL_COLOURS[name], width=1), name=name)
-        return self._bars[name]
+    def _look_again(self) -> None:
+        """Show the last frame anew, as is wanted now."""
+        if self._look is not None and self._camera is not None:
+            self.looking.ask((self._look.counts, self._camera, self.wanted))
 
-    def _colour_marks(self) -> None:
-        """Make the marks that are switched on visible."""
-        table = np.zeros((len(MARK_COLOURS) + 1, 4), np.uint8)
-        for mark, switch in self.switches.items():
-            table[mark] = (*MARK_COLOURS[mark], 255 if switch.isChecked() else 0)
-        self.marks.setLookupTable(table)
+    def _show_profile(self) -> None:
+        if self._look is not None and self._camera is not None and self.line_switch.isChecked():
+            ends = [self.line.mapToParent(end.pos()) for end in self.line.endpoints]
+            start, end = ((end.y(), end.x()) for end in ends)
+            self.profile.show_profile(self._look.counts, self._camera.bayer_pattern, (start, end))
 
-    def _show_cursor(self, position: QPointF) -> None:
-        point = self._box.mapSceneToView(position)
-        row, column = int(np.floor(point.y())), int(np.floor(point.x()))
-        inside = 0 <= row < self._counts.shape[0] and 0 <= column < self._counts.shape[1]
-        self.cursor_label.setText(f"({column}, {row}): {self._counts[row, column]} counts" if inside else "")
+    def _region(self) -> Region:
+        shape = QRectF(self.region.pos(), self.region.pos() + self.region.size())
+        return Region(*(round(n) for n in (shape.top(), shape.left(), shape.bottom(), shape.right())))
+
+    def _show_cursor(self, row: int, column: int) -> None:
+        if self._look is None or row >= self._look.counts.shape[0] or column >= self._look.counts.shape[1]:
+            return
+        text = self.tr("row {row}, column {column}: {counts} counts")
+        self.cursor_label.setText(text.format(row=row, column=column, counts=self._look.counts[row, column]))
+
+    def _place_tools(self, height: int, width: int) -> None:
+        self.region.setPos(0.4 * width, 0.4 * height)
+        self.region.setSize((0.2 * width, 0.2 * height))
+        for end, x in zip(self.line.endpoints, (0.25 * width, 0.75 * width), strict=True):
+            self.line.movePoint(end, pg.Point(x, 0.5 * height), coords="parent")
+
+    def _wire(self) -> None:
+        self.looking.done.connect(self.show_look)
+        self.boards.switch_to(on=False)
+        for switch in self.switches.values():
+            switch.toggled.connect(self._look_again)
+        for switch, tool in ((self.region_switch, self.region), (self.line_switch, self.line)):
+            tool.setVisible(False)
+            switch.toggled.connect(tool.setVisible)
+        self.region_switch.toggled.connect(self._look_again)
+        self.region.sigRegionChanged.connect(lambda _: self._look_again())
+        self.line_switch.toggled.connect(self.profile.setVisible)
+        self.line_switch.toggled.connect(self._show_profile)
+        self.line.sigRegionChanged.connect(lambda _: self._show_profile())
+        self.board_switch.toggled.connect(lambda on: self.boards.switch_to(on=on))
+        self.histogram.window_changed.connect(lambda *_: self._look_again())
+        self.picture.pointed.connect(self._show_cursor)
 
     def _lay_out(self) -> None:
-        self.histogram.setLogMode(x=False, y=True)
-        self.histogram.addItem(self.clip_line)
-        self.histogram.setFixedHeight(120)
-        self.histogram.setMouseEnabled(x=False, y=False)
-        below = QHBoxLayout()
-        for switch in self.switches.values():
-            below.addWidget(switch)
-        below.addWidget(self.cursor_label)
-        below.addStretch()
-        below.addWidget(self.counts_label)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.canvas, stretch=1)
-        layout.addLayout(below)
-        layout.addWidget(self.histogram)
+        for tool in (self.region, self.line):
+            self.picture.box.addItem(tool)
+        self.profile.setVisible(False)
+        switches = QHBoxLayout()
+        for switch in (*self.switches.values(), self.board_switch, self.region_switch, self.line_switch):
+            switches.addWidget(switch)
+        switches.addStretch()
+        plots = QSplitter(Qt.Orientation.Horizontal)
+        plots.addWidget(self.histogram)
+        plots.addWidget(self.profile)
+        parts = QSplitter(Qt.Orientation.Vertical)
+        parts.addWidget(self.picture)
+        parts.addWidget(plots)
+        parts.setStretchFactor(0, 1)
+        # The plots begin as low as they may be: the rest is for the picture.
+        parts.setSizes([10_000, 1])
+        column = QVBoxLayout(self)
+        column.addLayout(switches)
+        column.addWidget(parts, stretch=1)
+        for label in (self.facts_label, self.boards.label, self.cursor_label):
+            column.addWidget(label)

@@ -5,24 +5,13 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import (
-    QFileDialog,
-    QFormLayout,
-    QGridLayout,
-    QHBoxLayout,
-    QLabel,
-    QLineEdit,
-    QProgressBar,
-    QPushButton,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QFileDialog, QFormLayout, QGridLayout, QLineEdit, QProgressBar, QVBoxLayout, QWidget
 
+from gui.actions import ActionButton
+from gui.files import FileField
+from gui.text import selectable
 from protocols.progress import Progress, duration
-
-PROTOCOLS = "Protocols (*.toml *.py)"
-SESSIONS = "Sessions (*.h5)"
 
 
 class ProtocolPanel(QWidget):
@@ -38,14 +27,14 @@ class ProtocolPanel(QWidget):
         super().__init__(parent)
         self.protocol_edit = QLineEdit(placeholderText="protocol.toml")
         self.session_edit = QLineEdit(placeholderText="session.h5")
-        self.plan_button = QPushButton("&Check and estimate")
-        self.start_button = QPushButton("&Start")
-        self.pause_button = QPushButton("&Pause after this pose")
-        self.abort_button = QPushButton("&Abort now")
-        self.resume_button = QPushButton("&Resume the session")
+        self.plan_button = ActionButton("capture.plan")
+        self.start_button = ActionButton("capture.start")
+        self.pause_button = ActionButton("capture.pause")
+        self.abort_button = ActionButton("capture.abort")
+        self.resume_button = ActionButton("capture.resume")
         self.bar = QProgressBar()
-        self.outlook_label = _selectable("")
-        self.state_label = _selectable("nothing has begun")
+        self.outlook_label = selectable("", self.tr("What the capture would take"))
+        self.state_label = selectable(self.tr("nothing has begun"), self.tr("How far the capture is"))
         self._lay_out()
         self._wire()
         self.show_busy(busy=False)
@@ -75,10 +64,12 @@ class ProtocolPanel(QWidget):
         """Show one report of a capture."""
         self.bar.setMaximum(max(progress.n_poses, 1))
         self.bar.setValue(progress.n_complete)
-        left = "" if math.isnan(progress.remaining) else f"; about {duration(progress.remaining)} left"
-        self.state_label.setText(
-            f"{progress.message}\n{progress.n_complete} of {progress.n_poses} poses, {progress.n_frames} frames{left}"
+        text = self.tr("{n_complete} of {n_poses} poses, {n_frames} frames").format(
+            n_complete=progress.n_complete, n_poses=progress.n_poses, n_frames=progress.n_frames
         )
+        if not math.isnan(progress.remaining):
+            text += self.tr("; about {time} left").format(time=duration(progress.remaining))
+        self.state_label.setText(f"{progress.message}\n{text}")
 
     def show_outlook(self, text: str) -> None:
         """Show what a capture would do."""
@@ -99,8 +90,9 @@ class ProtocolPanel(QWidget):
 
     def _lay_out(self) -> None:
         form = QFormLayout()
-        form.addRow("&Protocol", self._with_dialog(self.protocol_edit, PROTOCOLS, save=False))
-        form.addRow("Sess&ion", self._with_dialog(self.session_edit, SESSIONS, save=True))
+        protocols, sessions = self.tr("Protocols (*.toml *.py)"), self.tr("Sessions (*.h5)")
+        form.addRow(self.tr("Pro&tocol"), FileField(self.protocol_edit, protocols))
+        form.addRow(self.tr("Sess&ion"), FileField(self.session_edit, sessions, QFileDialog.AcceptMode.AcceptSave))
         buttons = QGridLayout()
         for i, button in enumerate((self.start_button, self.pause_button, self.resume_button, self.abort_button)):
             buttons.addWidget(button, i // 2, i % 2)
@@ -112,27 +104,3 @@ class ProtocolPanel(QWidget):
         column.addWidget(self.bar)
         column.addWidget(self.state_label)
         column.addStretch()
-
-    def _with_dialog(self, edit: QLineEdit, kinds: str, *, save: bool) -> QWidget:
-        button = QPushButton("…")
-        button.setAccessibleName("Choose a file")
-        choose = QFileDialog.getSaveFileName if save else QFileDialog.getOpenFileName
-
-        def ask() -> None:
-            name, _ = choose(self, "Choose a file", edit.text(), kinds)
-            if name:
-                edit.setText(name)
-
-        button.clicked.connect(ask)
-        row = QWidget()
-        layout = QHBoxLayout(row)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(edit, stretch=1)
-        layout.addWidget(button)
-        return row
-
-
-def _selectable(text: str) -> QLabel:
-    label = QLabel(text, wordWrap=True)
-    label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-    return label

@@ -16,8 +16,8 @@ from analysis.materials import group_materials
 from analysis.reflectance import Cosines
 from analysis.result import Result, diffuse_albedo, read_result
 from gui.job import Job
-from gui.live_view import CHANNEL_COLOURS
 from gui.newest import Newest
+from gui.plots import CHANNEL_COLOURS
 
 Array = NDArray[np.float64]
 

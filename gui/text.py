@@ -23,3 +23,8 @@ def selectable(text: str = "", name: str = "") -> QLabel:
     )
     label.setAccessibleName(name)
     return label
+
+
+def QT_TRANSLATE_NOOP(context: str, text: str) -> str:
+    """Mark a text for Qt's `lupdate`, which knows this name, and return it; PySide's own returns an object."""
+    return text

@@ -39,6 +39,12 @@ renderer_needs='
 libllvm19 libLLVM.so.19.1
 '
 
+# And for the test that clicks through the window on a screen.
+screen_needs='
+xvfb Xvfb
+xdotool xdotool
+'
+
 fail() {
     echo "setup: $*" >&2
     exit 1
@@ -180,5 +186,6 @@ python=$(find_python)
 see_to_system_packages "$python"
 see_to_packages_of_extra 'GenICam cameras and their tests' "$(missing_camera_packages "$python")"
 see_to_packages_of_extra 'scenes that Mitsuba renders' "$(missing "$renderer_needs")"
+see_to_packages_of_extra 'clicks on a screen, in one test,' "$(missing "$screen_needs")"
 install "$python"
 echo "setup: ready ($(version_of "$venv_python"))"

@@ -3,6 +3,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -10,6 +12,9 @@ from cli.main import halfangle
 from drivers import discovery
 from drivers.discovery import Discovery
 from drivers.driver import DeviceState, FoundDevice
+from drivers.errors import DeviceError
+from drivers.light import LightState
+from drivers.simulated.light import SimulatedLight
 from tests.cli.test_capture import RIG
 
 
@@ -84,3 +89,57 @@ def test_nobody_is_asked_about_a_real_stage_without_an_answer(rig: str, monkeypa
     assert shown.exit_code == 1
     assert "Is the sample away?" in shown.output
     assert "passed" not in shown.output
+
+
+def test_rig_safe_leaves_the_rig_dark_and_says_so(rig: str) -> None:
+    shown = CliRunner().invoke(halfangle, ["rig", "safe", rig])
+    assert shown.output == "the light is off, stage and camera are stopped\n"
+    assert shown.exit_code == 0
+
+
+def test_rig_safe_fails_where_the_light_will_not_go_off(rig: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SimulatedLight, "off", lambda self: LightState(True, 1.0, 1.0, 20.0))
+    with pytest.raises(DeviceError, match="still reports that it shines"):
+        halfangle(["rig", "safe", rig], standalone_mode=False)
+
+
+def test_rig_frame_says_what_the_live_picture_says_and_writes_the_raw_counts(rig: str, tmp_path: Path) -> None:
+    picture = tmp_path / "frame.png"
+    arguments = ["rig", "frame", rig, "--exposure-time", "0.02", "-o", str(picture), "--json"]
+    shown = CliRunner().invoke(halfangle, arguments)
+    assert shown.exit_code == 0, shown.output
+    told = json.loads(shown.output)
+    counts = cv2.imread(str(picture), cv2.IMREAD_UNCHANGED)
+    assert counts.dtype == np.uint16
+    assert told["clipped"] == pytest.approx((counts >= 4095).mean())
+    assert abs(told["median_counts"] - np.median(counts)) <= 16
+    assert told["exposure_time_s"] == pytest.approx(0.02)
+
+
+def test_rig_frame_tells_of_a_region(rig: str, tmp_path: Path) -> None:
+    picture = tmp_path / "frame.tif"
+    arguments = ["rig", "frame", rig, "--exposure-time", "0.1", "-o", str(picture), "--region", "10", "20", "20", "40"]
+    told = json.loads(CliRunner().invoke(halfangle, [*arguments, "--json"]).output)
+    region = cv2.imread(str(picture), cv2.IMREAD_UNCHANGED)[10:20, 20:40]
+    assert abs(told["median_counts"] - np.median(region)) <= 16
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["-o", "frame.jpg"], "is no picture of 16 bits; use .png or .tif"),
+        (["-o", "nowhere/frame.png"], "there is no folder nowhere"),
+    ],
+)
+def test_rig_frame_refuses_what_it_cannot_write_before_the_light_shines(
+    rig: str, arguments: list[str], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(SimulatedLight, "on", None)
+    refused = CliRunner().invoke(halfangle, ["rig", "frame", rig, *arguments])
+    assert refused.exit_code == 2
+    assert message in refused.output
+
+
+def test_rig_frame_says_which_exposure_times_the_camera_takes(rig: str) -> None:
+    with pytest.raises(DeviceError, match=r"exposure_time is 100 s; allowed is 1e-05 to 10 s"):
+        halfangle(["rig", "frame", rig, "--exposure-time", "100"], standalone_mode=False)

@@ -5,6 +5,7 @@ Nothing is copied: the description that the camera delivers is rewritten while t
 
 from __future__ import annotations
 
+import ctypes
 from pathlib import Path
 
 from drivers.genicam.aravis import library
@@ -24,15 +25,27 @@ _SPARE = {
 
 def write_modern_description(path: Path) -> None:
     """Write the description of the camera that answers now, brought up to date."""
-    delivered = library().Camera.new(ADDRESS).get_device().get_genicam_xml()
-    old = delivered[0] if isinstance(delivered, tuple) else delivered
-    before, after = old.split('<Integer Name="GainRaw"')
+    before, after = _delivered().split('<Integer Name="GainRaw"')
     rest = after.partition("</Integer>")[2]
     # 12 bits in two bytes.
     entry = '<EnumEntry Name="Mono12" NameSpace="Standard"><Value>17825797</Value></EnumEntry>'
     mono8 = '<EnumEntry Name="Mono8" NameSpace="Standard">'
     new = f"{before}{_gain()}{_additions()}{rest}".replace(mono8, entry + mono8)
     path.write_text(new.replace(">GainRaw<", ">Gain<").replace("ExposureTimeAbs", "ExposureTime"), encoding="utf-8")
+
+
+def _delivered() -> str:
+    """Return the description that the camera delivers.
+
+    Its text does not end with a zero, which PyGObject takes for granted: it reads on into whatever lies behind. The
+    library itself tells the length.
+    """
+    device = library().Camera.new(ADDRESS).get_device()
+    get_xml = ctypes.CDLL("libaravis-0.8.so.0").arv_device_get_genicam_xml
+    get_xml.restype, get_xml.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.POINTER(ctypes.c_size_t)]
+    size = ctypes.c_size_t()
+    # The hash of such an object is where it lies.
+    return ctypes.string_at(get_xml(hash(device), ctypes.byref(size)), size.value).decode()
 
 
 def _gain() -> str:

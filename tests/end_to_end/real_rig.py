@@ -127,11 +127,16 @@ class RealRig:
         assert old in text
         self.rig.write_text(text.replace(old, new))
 
-    def start(self, *words: str | Path) -> subprocess.Popen[str]:
-        """Start `halfangle` with these words."""
+    @property
+    def environment(self) -> dict[str, str]:
+        """What a process needs to find the light's double."""
         usb_site = Path(__file__).parents[1] / "drivers" / "usb_site"
         path = os.pathsep.join([str(usb_site), str(ROOT), *os.environ.get("PYTHONPATH", "").split(os.pathsep)])
-        environment = os.environ | {"PYTHONPATH": path, "HALFANGLE_TEST_USB": str(self.folder)}
+        return {"PYTHONPATH": path, "HALFANGLE_TEST_USB": str(self.folder)}
+
+    def start(self, *words: str | Path) -> subprocess.Popen[str]:
+        """Start `halfangle` with these words."""
+        environment = os.environ | self.environment
         command = [*self.prefix, sys.executable, "-c", "from cli.main import main; main()", *map(str, words)]
         pipe = subprocess.PIPE
         return subprocess.Popen(command, env=environment, stdout=pipe, stderr=pipe, text=True)

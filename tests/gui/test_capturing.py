@@ -13,11 +13,11 @@ from drivers.registry import Devices
 from drivers.simulated.devices import open_faulty
 from drivers.simulated.faults import Fault
 from drivers.simulated.world import World
-from gui.acquisition import LightSign
+from gui.light_sign import LightSign
 from gui.main_window import MainWindow
 from instrument.session import Session
 from tests.cli.test_capture import PROTOCOL
-from tests.gui.test_main_window import rig_config
+from tests.gui.test_main_window import escape, rig_config
 
 LONG = PROTOCOL.replace("count = 3", "count = 300")
 
@@ -49,7 +49,7 @@ def bench() -> Bench:
 def window(bench: Bench, qtbot: QtBot, tmp_path: Path) -> Iterator[MainWindow]:
     window = MainWindow(rig_config(), bench.devices)
     window.show()
-    qtbot.waitUntil(window.live_button.isEnabled)
+    qtbot.waitUntil(window.controls.live_button.isEnabled)
     write(window, tmp_path, PROTOCOL)
     yield window
     window.close()
@@ -67,7 +67,7 @@ def click(qtbot: QtBot, button: Any) -> None:
 
 
 def wait_for_end(window: MainWindow, qtbot: QtBot) -> None:
-    qtbot.waitUntil(lambda: not window.rig_use.is_busy and window.live_button.isEnabled(), timeout=60_000)
+    qtbot.waitUntil(lambda: not window.rig_use.is_busy and window.controls.live_button.isEnabled(), timeout=60_000)
 
 
 def test_a_whole_capture_by_clicks(window: MainWindow, qtbot: QtBot, tmp_path: Path):
@@ -79,7 +79,7 @@ def test_a_whole_capture_by_clicks(window: MainWindow, qtbot: QtBot, tmp_path: P
     assert panel.pause_button.isEnabled()
     assert not panel.start_button.isEnabled()
     qtbot.waitUntil(lambda: window.rig_panel.labels["stage"].text() == "STAGE  in use by the capture")
-    assert not window.connect_button.isEnabled()
+    assert not window.controls.connect_button.isEnabled()
     qtbot.waitUntil(lambda: "complete" in panel.state_label.text(), timeout=60_000)
     wait_for_end(window, qtbot)
     assert (panel.bar.value(), panel.bar.maximum()) == (3, 3)
@@ -116,7 +116,7 @@ def test_whatever_ends_a_capture_early_leaves_the_light_off(
         wait_for_end(window, qtbot)
         assert "halfangle resume" in panel.state_label.text()
     else:
-        qtbot.keyClick(window, Qt.Key.Key_Escape)
+        escape(window, qtbot, 2)
         wait_for_end(window, qtbot)
     assert not bench.lit
     with Session(tmp_path / "session.h5") as session:
@@ -134,7 +134,7 @@ def test_a_capture_that_waits_for_the_rig_is_not_begun_after_a_stop(
     qtbot.waitUntil(window.acquisition.isFinished)
     qtbot.wait(300)
     assert not (tmp_path / "session.h5").exists()
-    assert window.connect_button.isEnabled()
+    assert window.controls.connect_button.isEnabled()
     assert window.protocol_panel.start_button.isEnabled()
     assert not bench.lit
 
@@ -158,7 +158,7 @@ def test_the_live_picture_is_back_after_a_capture(window: MainWindow, qtbot: QtB
     qtbot.waitUntil(lambda: window.rig_use.job is not None, timeout=20_000)
     wait_for_end(window, qtbot)
     with qtbot.waitSignals([window.acquisition.frame_arrived] * 2, timeout=20_000):
-        click(qtbot, window.live_button)
+        click(qtbot, window.controls.live_button)
 
 
 class TestFaults:

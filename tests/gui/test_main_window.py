@@ -15,7 +15,7 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from drivers.camera import CameraDescription, Frame
+from drivers.camera import Frame
 from drivers.clock import RealClock
 from drivers.errors import DeviceError
 from drivers.limits import Limits
@@ -25,8 +25,7 @@ from drivers.simulated.camera import SimulatedCamera
 from drivers.simulated.devices import open_simulated
 from drivers.simulated.world import World
 from gui import acquisition
-from gui.acquisition import LightSign
-from gui.live_facts import CLIPPED, live_facts
+from gui.light_sign import LightSign
 from gui.main_window import MainWindow
 from instrument.config import RigConfig
 from instrument.config_problems import validate
@@ -37,7 +36,6 @@ SATURATION = 4095
 INTERRUPTED_CONSOLE = """
 import signal
 from cli.main import main
-from gui.live_facts import CLIPPED, live_facts
 from gui.main_window import MainWindow
 
 show_rig = MainWindow._show_rig
@@ -106,18 +104,24 @@ def doomed(qtbot: QtBot) -> Iterator[tuple[MainWindow, Bench]]:
 def opened(bench: Bench, qtbot: QtBot) -> Iterator[MainWindow]:
     window = MainWindow(rig_config(), bench.devices)
     window.show()
-    qtbot.waitUntil(window.live_button.isEnabled)
+    qtbot.waitUntil(window.controls.live_button.isEnabled)
     yield window
     window.close()
 
 
 def go_live(window: MainWindow, qtbot: QtBot) -> None:
     with qtbot.waitSignals([window.acquisition.frame_arrived] * 2):
-        click(window.live_button, qtbot)
+        click(window.controls.live_button, qtbot)
 
 
 def click(button: Any, qtbot: QtBot) -> None:
     qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
+
+
+def escape(window: MainWindow, qtbot: QtBot, times: int) -> None:
+    """Press Esc as the desktop does: it gives keys to the window."""
+    for _ in range(times):
+        qtbot.keyClick(window.windowHandle(), Qt.Key.Key_Escape)
 
 
 def sign(window: MainWindow) -> str:
@@ -128,19 +132,19 @@ def test_opens_dark_and_names_the_camera(window: MainWindow, bench: Bench):
     assert not bench.lit
     assert sign(window) == LightSign.OFF.value
     assert "simulated camera" in window.rig_panel.labels["camera"].text()
-    assert window.live_view.picture.image is None
+    assert window.live_view.picture.item.image is None
 
 
 def test_shows_raw_counts_with_the_light_on_once_live(window: MainWindow, bench: Bench, qtbot: QtBot):
-    with qtbot.waitSignal(window.live_analysis.done) as looked:
+    with qtbot.waitSignal(window.live_view.looking.done) as looked:
         go_live(window, qtbot)
     assert bench.lit
     assert sign(window) == LightSign.ON.value
-    ((counts, facts),) = looked.args
-    assert counts.dtype == np.uint16
-    assert counts.max() > 255
-    assert facts.shown.shape == (120, 160)
-    qtbot.waitUntil(lambda: window.live_view.picture.image is not None)
+    (look,) = looked.args
+    assert look.counts.dtype == np.uint16
+    assert look.counts.max() > 255
+    assert look.image.shape == (120, 160)
+    qtbot.waitUntil(lambda: window.live_view.picture.item.image is not None)
 
 
 def test_triggers_in_a_thread_of_its_own(qtbot: QtBot):
@@ -160,9 +164,9 @@ def test_triggers_in_a_thread_of_its_own(qtbot: QtBot):
 def test_sends_the_exposure_time_and_shows_what_the_camera_reads_back(window: MainWindow, qtbot: QtBot):
     go_live(window, qtbot)
     with qtbot.waitSignal(window.acquisition.exposure_time_read) as read:
-        window.exposure_box.setValue(2.5)
+        window.controls.exposure_box.setValue(2.5)
     assert read.args == [pytest.approx(0.0025)]
-    assert window.read_back_label.text() == "2.500 ms"
+    assert window.controls.read_back_label.text() == "2.500 ms"
     with qtbot.waitSignal(window.acquisition.frame_arrived):
         pass
     with qtbot.waitSignal(window.acquisition.frame_arrived) as arrived:
@@ -171,22 +175,52 @@ def test_sends_the_exposure_time_and_shows_what_the_camera_reads_back(window: Ma
 
 
 def test_takes_the_limits_of_the_exposure_time_from_the_camera(window: MainWindow):
-    assert window.exposure_box.minimum() == pytest.approx(0.01)
-    assert window.exposure_box.maximum() == pytest.approx(10_000.0)
-    assert window.exposure_box.value() == pytest.approx(10.0)
+    assert window.controls.exposure_box.minimum() == pytest.approx(0.01)
+    assert window.controls.exposure_box.maximum() == pytest.approx(10_000.0)
+    assert window.controls.exposure_box.value() == pytest.approx(10.0)
 
 
-@pytest.mark.parametrize("how", ["button", "escape"])
+@pytest.mark.parametrize("how", ["button", "escape twice"])
 def test_stop_darkens(window: MainWindow, bench: Bench, qtbot: QtBot, how: str):
     go_live(window, qtbot)
     if how == "button":
         click(window.stop_button, qtbot)
     else:
-        qtbot.keyClick(window.exposure_box, Qt.Key.Key_Escape)
+        escape(window, qtbot, 2)
     qtbot.waitUntil(lambda: sign(window) == LightSign.OFF.value)
     assert not bench.lit
     with qtbot.assertNotEmitted(window.acquisition.frame_arrived, wait=150):
         pass
+
+
+def test_one_escape_alone_says_how_to_stop_and_stops_nothing(window: MainWindow, bench: Bench, qtbot: QtBot):
+    go_live(window, qtbot)
+    escape(window, qtbot, 1)
+    assert window.statusBar().currentMessage() == "Esc once more to STOP"
+    with qtbot.waitSignals([window.acquisition.frame_arrived] * 2):
+        pass
+    assert bench.lit
+
+
+def test_two_escapes_far_apart_stop_nothing(
+    window: MainWindow, bench: Bench, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("gui.stop.SECOND_PRESS_S", 0.01)
+    go_live(window, qtbot)
+    escape(window, qtbot, 1)
+    qtbot.wait(50)
+    escape(window, qtbot, 1)
+    with qtbot.waitSignals([window.acquisition.frame_arrived] * 2):
+        pass
+    assert bench.lit
+
+
+def test_escape_stops_while_a_list_hangs_open(window: MainWindow, bench: Bench, qtbot: QtBot):
+    go_live(window, qtbot)
+    window.log_panel.level_box.showPopup()
+    escape(window, qtbot, 2)
+    qtbot.waitUntil(lambda: sign(window) == LightSign.OFF.value)
+    assert not bench.lit
 
 
 def test_goes_live_again_after_a_stop(window: MainWindow, bench: Bench, qtbot: QtBot):
@@ -198,8 +232,8 @@ def test_goes_live_again_after_a_stop(window: MainWindow, bench: Bench, qtbot: Q
 
 
 def test_stop_ends_a_long_exposure_at_once(window: MainWindow, bench: Bench, qtbot: QtBot):
-    window.exposure_box.setValue(10_000.0)
-    click(window.live_button, qtbot)
+    window.controls.exposure_box.setValue(10_000.0)
+    click(window.controls.live_button, qtbot)
     qtbot.waitUntil(lambda: bench.lit)
     began = time.monotonic()
     click(window.stop_button, qtbot)
@@ -224,23 +258,23 @@ def test_can_be_closed_while_the_rig_is_being_opened(bench: Bench, qtbot: QtBot)
 
 def test_a_failing_camera_shows_in_the_banner_with_the_light_off(doomed: tuple[MainWindow, Bench], qtbot: QtBot):
     window, bench = doomed
-    click(window.live_button, qtbot)
+    click(window.controls.live_button, qtbot)
     qtbot.waitUntil(window.acquisition.isFinished)
     qtbot.waitUntil(window.banner.isVisible)
     # The end of the thread is heard of last.
-    qtbot.waitUntil(window.connect_button.isEnabled)
+    qtbot.waitUntil(window.controls.connect_button.isEnabled)
     assert window.banner.text() == "the camera was unplugged. Plug it in and connect again."
     assert sign(window) == LightSign.OFF.value
     assert not bench.lit
-    assert not window.live_button.isEnabled()
+    assert not window.controls.live_button.isEnabled()
 
 
 def test_connects_again_after_a_failure(doomed: tuple[MainWindow, Bench], qtbot: QtBot):
     window, _ = doomed
-    click(window.live_button, qtbot)
-    qtbot.waitUntil(window.connect_button.isEnabled)
-    click(window.connect_button, qtbot)
-    qtbot.waitUntil(window.live_button.isEnabled)
+    click(window.controls.live_button, qtbot)
+    qtbot.waitUntil(window.controls.connect_button.isEnabled)
+    click(window.controls.connect_button, qtbot)
+    qtbot.waitUntil(window.controls.live_button.isEnabled)
     assert window.banner.isHidden()
     assert sign(window) == LightSign.OFF.value
 
@@ -264,45 +298,6 @@ def test_the_light_goes_out_when_the_window_hangs(
     assert not bench.lit
     qtbot.waitUntil(window.banner.isVisible)
     assert "asked for no frame" in window.banner.text()
-
-
-def camera_of(window: MainWindow) -> CameraDescription:
-    assert window._camera is not None
-    return window._camera
-
-
-def test_marks_clipped_pixels_and_no_others(window: MainWindow):
-    view = window.live_view
-    counts = np.full((120, 160), SATURATION - 1, dtype=np.uint16)
-    counts[3, 5] = SATURATION
-    view.show_frame(counts, live_facts(counts, camera_of(window)))
-    assert np.argwhere(view.marks.image == CLIPPED).tolist() == [[3, 5]]
-    assert "0.01 % clipped" in view.counts_label.text()
-    assert view.marks.lut[CLIPPED, 3] == 255
-    view.switches[CLIPPED].setChecked(False)
-    assert view.marks.lut[CLIPPED, 3] == 0
-
-
-def test_the_histogram_has_a_logarithmic_axis_and_a_line_where_it_clips(window: MainWindow):
-    view = window.live_view
-    counts = np.full((120, 160), 1000, dtype=np.uint16)
-    view.show_frame(counts, live_facts(counts, camera_of(window)))
-    assert view.histogram.getPlotItem().getAxis("left").logMode
-    assert view.clip_line.value() == SATURATION
-    _, heights = view._bars["G"].getData()
-    assert heights.max() == pytest.approx(np.log10(counts.size / 2))
-
-
-def test_the_picture_stands_as_the_camera_sees_it(window: MainWindow):
-    view = window.live_view
-    counts = np.zeros((120, 160), dtype=np.uint16)
-    counts[:60, :80] = SATURATION
-    view.switches[CLIPPED].setChecked(False)
-    view.show_frame(counts, live_facts(counts, camera_of(window)))
-    shown = view.canvas.grab().toImage()
-    x, y = shown.width() // 20, shown.height() // 20
-    bright = [shown.pixelColor(i * x, j * y).value() > 128 for j in (8, 12) for i in (8, 12)]
-    assert bright == [True, False, False, False]
 
 
 def test_the_console_ends_in_order_at_ctrl_c():

@@ -1,5 +1,6 @@
 """Work on the newest that was asked for."""
 
+import time
 from threading import Event
 
 from pytestqt.qtbot import QtBot
@@ -26,3 +27,24 @@ def test_what_comes_while_it_works_is_left_out_but_for_the_newest(qtbot: QtBot):
     qtbot.waitUntil(lambda: done == [0, None])
     newest.close()
     assert not newest.isRunning()
+
+
+def test_an_error_is_told_and_the_next_work_is_done(qtbot: QtBot):
+    failed, done = [], []
+    newest = Newest(lambda x: 1 / x)
+    newest.failed.connect(failed.append)
+    newest.done.connect(done.append)
+    newest.ask(0)
+    qtbot.waitUntil(lambda: failed == ["division by zero"])
+    newest.ask(2)
+    qtbot.waitUntil(lambda: done == [0.5])
+    newest.close()
+
+
+def test_a_rest_does_not_keep_it_from_closing(qtbot: QtBot):
+    newest = Newest(lambda _: time.sleep(0.01), rest=1e6)
+    with qtbot.waitSignal(newest.done):
+        newest.ask(None)
+    began = time.monotonic()
+    newest.close()
+    assert time.monotonic() - began < 5.0

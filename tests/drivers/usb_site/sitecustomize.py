@@ -7,6 +7,7 @@ written by the controller: a line with its level and the time each time that it 
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import threading
@@ -37,12 +38,19 @@ def _bus(folder: Path) -> Any:
 def _live(folder: Path, controller: Any, device: Any) -> None:
     """Write down when it shines, and unplug it when somebody says so."""
     said = -1.0
-    while True:
+
+    def note() -> None:
+        nonlocal said
         level = controller.brightness / 100.0 if controller.lit else 0.0
         if level != said:
             with (folder / "record").open("a") as record:
                 record.write(f"{level} {time.time()}\n")
             said = level
+
+    # What a process does last is seen by the device, whose own life does not end with it.
+    atexit.register(note)
+    while True:
+        note()
         device.plugged_in = device.plugged_in and not (folder / "unplug").exists()
         time.sleep(0.002)
 

@@ -1,0 +1,87 @@
+"""The live picture of a raw frame: brightness between two levels, with what is marked in colours of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.camera import CameraDescription
+from gui.plots import OKABE_ITO
+from instrument.frame_facts import BLACK, CLIPPED, SHARP, Counts, FrameFacts, Region, frame_facts
+
+MARK_COLOURS = {CLIPPED: OKABE_ITO["vermillion"], BLACK: OKABE_ITO["blue"], SHARP: OKABE_ITO["yellow"]}
+
+BRIGHTEST = 255 - len(MARK_COLOURS)
+"""Values of the picture up to this one are brightness, those above it are marks."""
+
+
+class Wanted(NamedTuple):
+    """What the operator wants to see.
+
+    Attributes
+    ----------
+    low, high : float
+        Counts that are shown black and white.
+    marks : frozenset of int
+        Those to show.
+    region : Region or None
+        What histogram and numbers are of.
+    """
+
+    low: float
+    high: float
+    marks: frozenset[int] = frozenset((CLIPPED,))
+    region: Region | None = None
+
+
+@dataclass(frozen=True)
+class Look:
+    """A frame, ready to be shown.
+
+    Attributes
+    ----------
+    counts : ndarray of uint16, shape (H, W)
+    image : ndarray of uint8, shape (H, W)
+        Brightness up to `BRIGHTEST`, marks above it.
+    facts : FrameFacts
+    """
+
+    counts: Counts
+    image: NDArray[np.uint8]
+    facts: FrameFacts
+
+
+def look_at(asked: tuple[Counts, CameraDescription, Wanted]) -> Look:
+    """Look at a frame of raw counts; for a worker."""
+    counts, camera, wanted = asked
+    facts = frame_facts(counts, camera, wanted.region)
+    image = _brightness(counts, wanted.low, wanted.high)
+    _mark(image, facts.marks, wanted.marks)
+    return Look(counts, image, facts)
+
+
+def colour_table() -> NDArray[np.uint8]:
+    """Return the colours of the values of `Look.image`, shape (256, 3)."""
+    table = np.empty((256, 3), np.uint8)
+    table[: BRIGHTEST + 1] = np.linspace(0, 255, BRIGHTEST + 1)[:, None]
+    for mark, colour in MARK_COLOURS.items():
+        table[BRIGHTEST + mark] = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
+    return table
+
+
+def _brightness(counts: Counts, low: float, high: float) -> NDArray[np.uint8]:
+    # Counts are cut at both ends before they are scaled: the conversion turns negative values round.
+    scale = BRIGHTEST / max(high - low, 1.0)
+    above = cv2.subtract(counts, np.array([low], np.float64), dtype=cv2.CV_16U)
+    return np.minimum(cv2.convertScaleAbs(above, alpha=scale), np.uint8(BRIGHTEST)).astype(np.uint8, copy=False)
+
+
+def _mark(image: NDArray[np.uint8], marks: NDArray[np.uint8], wanted: Collection[int]) -> None:
+    table = np.zeros(256, np.uint8)
+    table[list(wanted)] = [BRIGHTEST + mark for mark in wanted]
+    cv2.max(image, cv2.LUT(marks, table), dst=image)
