@@ -59,6 +59,12 @@ class QuickLook:
     coverage: Coverage | None
     problems: tuple[str, ...]
 
+    @property
+    def median_sigma_deg(self) -> float:
+        """The typical `sigma_deg`; NaN where there are no normals."""
+        solved = np.isfinite(self.sigma_deg)
+        return float(np.median(self.sigma_deg[solved])) if solved.any() else np.nan
+
     def as_dict(self) -> dict[str, object]:
         """Return it as JSON has it: without the pictures, but for how much of them there is."""
         solved = np.isfinite(self.normals[..., 2])
@@ -68,7 +74,7 @@ class QuickLook:
             "cells": list(solved.shape),
             "cell_mm": self.pitch,
             "solved_share": float(solved.mean()),
-            "median_sigma_deg": float(np.median(self.sigma_deg[solved])) if solved.any() else None,
+            "median_sigma_deg": self.median_sigma_deg if solved.any() else None,
             "coverage": None if self.coverage is None else self.coverage.as_dict(),
             "problems": list(self.problems),
         }

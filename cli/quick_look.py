@@ -92,6 +92,7 @@ def quick_text(found: Found) -> str:
 def _normals(look: QuickLook) -> list[str]:
     if look.problems:
         return [f"  normals    none yet: {what}" for what in look.problems]
-    solved = np.isfinite(look.sigma_deg)
-    sigma = float(np.median(look.sigma_deg[solved])) if solved.any() else np.nan
-    return [f"  normals    of {solved.sum()} cells of {look.pitch:.2g} mm, typically known to {sigma:.1f} deg"]
+    n_solved = np.count_nonzero(np.isfinite(look.sigma_deg))
+    return [
+        f"  normals    of {n_solved} cells of {look.pitch:.2g} mm, typically known to {look.median_sigma_deg:.1f} deg"
+    ]
