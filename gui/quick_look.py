@@ -72,6 +72,11 @@ class QuickLookTab(QWidget):
         poses.taken.connect(self._ask)
         self._lay_out()
 
+    @property
+    def is_working(self) -> bool:
+        """Whether anything was asked of the thread."""
+        return self._worker.isRunning()
+
     def close_worker(self) -> None:
         """Wait for the look under way."""
         self._worker.close()
