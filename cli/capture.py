@@ -57,7 +57,7 @@ def capture(protocol: Path, rig: Path, output: Path, faults: Path | None) -> Non
 
     rig_config, protocol_config = load_rig(rig), load_any_protocol(protocol)
     with _bar("capture") as watch:
-        outcome = engine.capture(rig_config, protocol_config, output, watch, _devices(faults))
+        outcome = engine.capture(rig_config, protocol_config, output, watch, devices_with(faults))
     _conclude(outcome)
 
 
@@ -72,11 +72,12 @@ def resume(session: Path, accept_moved: bool, faults: Path | None) -> None:
 
     refuse_dangerous(session)
     with _bar("resume") as watch:
-        outcome = engine.resume(session, watch, _devices(faults), accept_moved=accept_moved)
+        outcome = engine.resume(session, watch, devices_with(faults), accept_moved=accept_moved)
     _conclude(outcome)
 
 
-def _devices(faults: Path | None) -> OpenDevices:
+def devices_with(faults: Path | None) -> OpenDevices:
+    """Return what opens the devices of a rig, with the faults of a script if there is one."""
     from functools import partial
 
     from drivers.registry import open_devices, open_devices_with_faults

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pyqtgraph as pg
 from PySide6.QtCore import QRectF, Qt
-from PySide6.QtWidgets import QCheckBox, QHBoxLayout, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QGridLayout, QSplitter, QVBoxLayout, QWidget
 
 from drivers.camera import CameraDescription
 from gui.board_overlay import BoardOverlay
@@ -150,10 +150,12 @@ class LiveView(QWidget):
         for tool in (self.region, self.line):
             self.picture.box.addItem(tool)
         self.profile.setVisible(False)
-        switches = QHBoxLayout()
-        for switch in (*self.switches.values(), self.board_switch, self.region_switch, self.line_switch):
-            switches.addWidget(switch)
-        switches.addStretch()
+        switches = QGridLayout()
+        tools = (self.board_switch, self.region_switch, self.line_switch)
+        for row, part in enumerate((self.switches.values(), tools)):
+            for i_column, switch in enumerate(part):
+                switches.addWidget(switch, row, i_column)
+        switches.setColumnStretch(len(tools), 1)
         plots = QSplitter(Qt.Orientation.Horizontal)
         plots.addWidget(self.histogram)
         plots.addWidget(self.profile)

@@ -7,9 +7,16 @@ from collections import deque
 from datetime import datetime
 
 from PySide6.QtCore import QObject, Signal
-from PySide6.QtWidgets import QComboBox, QPlainTextEdit, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPlainTextEdit, QVBoxLayout, QWidget
 
-LEVELS = {"All": logging.DEBUG, "Information": logging.INFO, "Warnings": logging.WARNING, "Errors": logging.ERROR}
+from gui.text import QT_TRANSLATE_NOOP
+
+LEVELS = {
+    logging.DEBUG: QT_TRANSLATE_NOOP("LogPanel", "All"),
+    logging.INFO: QT_TRANSLATE_NOOP("LogPanel", "Information"),
+    logging.WARNING: QT_TRANSLATE_NOOP("LogPanel", "Warnings"),
+    logging.ERROR: QT_TRANSLATE_NOOP("LogPanel", "Errors"),
+}
 _MOST_LINES = 2000
 
 
@@ -38,13 +45,23 @@ class LogPanel(QWidget):
         self._lines: deque[tuple[int, str]] = deque(maxlen=_MOST_LINES)
         self._newest = ""
         self.level_box = QComboBox()
-        self.level_box.addItems(list(LEVELS))
-        self.level_box.setCurrentText("Information")
-        self.level_box.currentTextChanged.connect(self._show_all)
+        for level, text in LEVELS.items():
+            self.level_box.addItem(self.tr(text), level)
+        self.level_box.setCurrentIndex(list(LEVELS).index(logging.INFO))
+        self.level_box.currentIndexChanged.connect(self._show_all)
         self.text = QPlainTextEdit(readOnly=True, maximumBlockCount=_MOST_LINES)
+        self.text.setAccessibleName(self.tr("Log"))
+        # Tab goes on to the next part of the window: nobody writes in here.
+        self.text.setTabChangesFocus(True)
+        label = QLabel(self.tr("Lo&g"))
+        label.setBuddy(self.level_box)
+        row = QHBoxLayout()
+        row.addWidget(label)
+        row.addWidget(self.level_box)
+        row.addStretch()
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
-        column.addWidget(self.level_box)
+        column.addLayout(row)
         column.addWidget(self.text)
 
     def add(self, level: int, text: str) -> None:
@@ -54,8 +71,9 @@ class LogPanel(QWidget):
         self._newest = text
         line = f"{datetime.now():%H:%M:%S}  {logging.getLevelName(level):<8}  {text}"
         self._lines.append((level, line))
-        if level >= LEVELS[self.level_box.currentText()]:
+        if level >= self.level_box.currentData():
             self.text.appendPlainText(line)
 
-    def _show_all(self, name: str) -> None:
-        self.text.setPlainText("\n".join(line for level, line in self._lines if level >= LEVELS[name]))
+    def _show_all(self) -> None:
+        shown = self.level_box.currentData()
+        self.text.setPlainText("\n".join(line for level, line in self._lines if level >= shown))

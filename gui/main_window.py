@@ -42,6 +42,7 @@ from protocols.dry_run import Outlook
 from protocols.progress import Outcome, Progress
 
 _UNTIL_DARK_MS = 100
+_NARROWEST = 200
 
 
 class MainWindow(QMainWindow):
@@ -159,7 +160,7 @@ class MainWindow(QMainWindow):
         self._show_light(SIGNS[progress.state])
         self.log_panel.add(logging.INFO, progress.message)
         if progress.warning:
-            self.banner.tell(progress.warning)
+            self.banner.warn(progress.warning)
             self.log_panel.add(logging.WARNING, progress.warning)
 
     def _show_outlook(self, outlook: Outlook) -> None:
@@ -259,5 +260,6 @@ def _scrolling(widget: QWidget) -> QScrollArea:
     area = QScrollArea(widgetResizable=True)
     area.setFrameShape(QFrame.Shape.NoFrame)
     area.setWidget(widget)
-    area.setMinimumWidth(min(widget.minimumSizeHint().width(), 280))
+    # Narrower than its widget wants to be: at 200 % a whole screen is 960 pixels wide.
+    area.setMinimumWidth(_NARROWEST)
     return area

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from drivers.camera import CameraDescription
 from drivers.light import LightDescription
 from drivers.stage import StageDescription
 from gui.acquisition import Introduction
+from gui.text import QT_TRANSLATE_NOOP, selectable
 
-KINDS = ("camera", "light", "stage")
+KINDS = {
+    "camera": QT_TRANSLATE_NOOP("RigPanel", "CAMERA"),
+    "light": QT_TRANSLATE_NOOP("RigPanel", "LIGHT"),
+    "stage": QT_TRANSLATE_NOOP("RigPanel", "STAGE"),
+}
 
 Description = CameraDescription | LightDescription | StageDescription
 
@@ -20,26 +24,24 @@ class RigPanel(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.labels = {kind: QLabel(wordWrap=True) for kind in KINDS}
+        self.labels = {kind: selectable("", self.tr(name)) for kind, name in KINDS.items()}
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
-        for kind, label in self.labels.items():
-            label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-            label.setTextFormat(Qt.TextFormat.PlainText)
-            label.setAccessibleName(kind)
+        for label in self.labels.values():
             column.addWidget(label)
-        self.show_state("not connected")
+        self.show_state(self.tr("not connected"))
 
     def show_state(self, text: str) -> None:
         """Say the same of every device."""
         for kind, label in self.labels.items():
-            label.setText(f"{kind.upper()}  {text}")
+            label.setText(f"{self.tr(KINDS[kind])}  {text}")
 
     def show_rig(self, rig: Introduction) -> None:
         """Show who the connected devices are."""
         devices: tuple[Description, ...] = (rig.camera, rig.light, rig.stage)
         for kind, device in zip(KINDS, devices, strict=True):
-            self.labels[kind].setText("\n".join([f"{kind.upper()}  connected", *_lines(device)]))
+            heading = f"{self.tr(KINDS[kind])}  {self.tr('connected')}"
+            self.labels[kind].setText("\n".join([heading, *_lines(device)]))
 
 
 def _lines(device: Description) -> list[str]:

@@ -19,7 +19,7 @@ class StopButton(ActionButton):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("rig.stop", parent)
-        self.setStyleSheet("background: #c00000; color: white; font: bold 20pt; padding: 12px")
+        self.setStyleSheet("background: #c00000; color: white; font: bold 16pt; padding: 14px")
         self.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Fixed)
 
 

@@ -134,7 +134,8 @@ class Run:
         self._unsafe: tuple[str, ...] = ()
         self._unclosed = ""
         self._began = self._poses_began = rig.clock.now()
-        self._recovery = Recovery(rig, audit.note, lambda what: self._report(self.state, what))
+        # Whoever watches has to know; at the end it is of no weight, since nothing was lost by it.
+        self._recovery = Recovery(rig, audit.note, lambda what: self._report(self.state, what, what))
         self._patch = ReferencePatch(rig.config, rig.camera.describe(), rig.stage.describe())
         self._writer = PoseWriter(recorder, audit)
 

@@ -263,7 +263,7 @@ def test_a_failing_camera_shows_in_the_banner_with_the_light_off(doomed: tuple[M
     qtbot.waitUntil(window.banner.isVisible)
     # The end of the thread is heard of last.
     qtbot.waitUntil(window.controls.connect_button.isEnabled)
-    assert window.banner.text() == "the camera was unplugged. Plug it in and connect again."
+    assert window.banner.text() == "FAULT: the camera was unplugged. Plug it in and connect again."
     assert sign(window) == LightSign.OFF.value
     assert not bench.lit
     assert not window.controls.live_button.isEnabled()
