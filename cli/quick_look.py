@@ -10,7 +10,6 @@ import numpy as np
 
 from analysis.quick_look import QuickLook
 from analysis.quick_look import quick_look as quick_look_of
-from analysis.quick_session import previews_of
 from cli.output import check_new
 from instrument.look import refuse_dangerous
 from instrument.session import Session
@@ -53,8 +52,8 @@ def look_at(path: Path) -> Found:
     """
     refuse_dangerous(path)
     with Session(path) as session:
-        planned, previews = planned_poses_of(session), previews_of(session)
-    look = quick_look_of(planned.views, previews)
+        planned = planned_poses_of(session)
+    look = quick_look_of(planned.views, planned.previews)
     return Found(path, planned.n_poses, look, next_pose(planned, look.used))
 
 

@@ -38,7 +38,7 @@ class SeenPoses(QObject):
         self.planned: PlannedPoses | None = None
         self.states: list[PoseState] = []
         self.previews: dict[int, Preview] = {}
-        """Of the poses taken since the poses were told."""
+        """Of the poses that were taken, in this run or before."""
         capture.planned.connect(self._plan)
         capture.progressed.connect(self._hear)
         capture.released.connect(self._end)
@@ -68,7 +68,7 @@ class SeenPoses(QObject):
 
     def _expect(self, planned: PlannedPoses) -> None:
         done = planned.complete
-        self.planned, self.previews = planned, {}
+        self.planned, self.previews = planned, dict(planned.previews)
         self.states = [PoseState.COMPLETE if i in done else PoseState.PLANNED for i in range(planned.n_poses)]
         self.changed.emit()
 

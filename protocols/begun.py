@@ -9,8 +9,10 @@ import numpy as np
 
 from instrument.config import RigConfig
 from instrument.layout import Status
+from instrument.preview import Preview
+from instrument.previews import previews_of
 from instrument.session import Session
-from instrument.validation import raise_if_any
+from instrument.validation import InvalidInputError, raise_if_any
 from instrument.verify import plan_problems
 from protocols.moved import Landmark
 from protocols.plan import Plan
@@ -82,4 +84,13 @@ def _begun(session: Session, plan: Plan) -> Begun:
         dark_temperature=np.nan if dark is None or temperatures is None else float(temperatures.mean()),
         has_flats=bool(times.size and np.isfinite(times).all()),
         landmark=Landmark.of(session, plan.targets),
+        previews=_previews(session),
     )
+
+
+def _previews(session: Session) -> dict[int, Preview]:
+    """Return the previews, none if one of them is damaged: they are only looked at, and no reason not to go on."""
+    try:
+        return previews_of(session)
+    except InvalidInputError:
+        return {}

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from drivers.stage import AxisDescription
 from instrument.nominal_views import NominalViews
+from instrument.preview import Preview
 from instrument.rig import Rig
 from instrument.rig_config import RigConfig
 from protocols.nominal_geometry import nominal_views
@@ -31,6 +32,8 @@ class PlannedPoses:
         Pixels of a raw frame.
     complete : frozenset of int
         Poses that were taken before.
+    previews : mapping of int to Preview
+        Of those, as far as they could be read.
     """
 
     rig: RigConfig
@@ -39,12 +42,16 @@ class PlannedPoses:
     height: int
     width: int
     complete: frozenset[int] = frozenset()
+    previews: Mapping[int, Preview] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, rig: Rig, plan: Plan, complete: Collection[int] = ()) -> PlannedPoses:
+    def of(
+        cls, rig: Rig, plan: Plan, complete: Collection[int] = (), previews: Mapping[int, Preview] | None = None
+    ) -> PlannedPoses:
         """Return the poses of a plan on a connected rig."""
         camera, axes = rig.camera.describe(), rig.stage.describe().axes
-        return cls(rig.config, axes, positions_of(plan), camera.height, camera.width, frozenset(complete))
+        size = camera.height, camera.width
+        return cls(rig.config, axes, positions_of(plan), *size, frozenset(complete), previews or {})
 
     @property
     def n_poses(self) -> int:

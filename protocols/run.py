@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from instrument.audit import AuditLog
 from instrument.bounded import within
 from instrument.layout import Status
 from instrument.pose_record import PoseRecord
+from instrument.preview import Preview
 from instrument.recorder import Recorder
 from instrument.rig import Rig
 from protocols.bracket import Bracket, take_pose
@@ -69,6 +70,8 @@ class Begun:
         Whether its flat frames are whole.
     landmark : Landmark or None
         A frame to find out by whether the sample was moved since.
+    previews : mapping of int to Preview
+        Of its complete poses, to be shown; it may lack some.
     """
 
     complete: Collection[int] = ()
@@ -77,6 +80,7 @@ class Begun:
     temperature_band: float = 5.0
     has_flats: bool = False
     landmark: Landmark | None = None
+    previews: Mapping[int, Preview] = field(default_factory=dict)
 
 
 @dataclass
@@ -162,7 +166,7 @@ class Run:
 
     def _capture(self) -> None:
         self._audit.note("run", plan=self._plan.sha256, missing=len(self._missing), rig=self._rig.config.name)
-        planned = PlannedPoses.of(self._rig, self._plan, self._begun.complete)
+        planned = PlannedPoses.of(self._rig, self._plan, self._begun.complete, self._begun.previews)
         self._report(State.RUNNING, "homing the stage", news=planned)
         self._recovery.repeated("homing the stage", lambda _: self._rig.stage.home())
         darkness = self._begun.darkness or self._darks()

@@ -7,6 +7,7 @@ from pydantic import ValidationError
 
 from drivers.limits import Limits
 from drivers.stage import AxisDescription
+from instrument.previews import previews_of
 from instrument.records import AxisRecord
 from instrument.rig_config import RigConfig
 from instrument.session import Session
@@ -50,6 +51,7 @@ def planned_poses_of(session: Session) -> PlannedPoses:
         height=session.camera.height,
         width=session.camera.width,
         complete=frozenset(np.flatnonzero(session.pose_complete).tolist()),
+        previews=previews_of(session),
     )
 
 

@@ -10,7 +10,6 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.quick_look import QuickLook, quick_look
-from analysis.quick_session import previews_of
 from analysis.quick_views import CLIPS_FROM, quick_grid, quick_stack
 from instrument.config import load_protocol, load_rig
 from instrument.nominal_views import NominalViews
@@ -51,9 +50,9 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> Sweep:
     rig, seen = load_rig(rig_file), list[Progress]()
     capture(rig, load_protocol(protocol_file), folder / "s.h5", seen.append)
     with Session(folder / "s.h5") as session:
-        views, previews = planned_poses_of(session).views, previews_of(session)
+        planned = planned_poses_of(session)
     told = {news.i_pose: news.preview for p in seen if isinstance(news := p.news, PoseTaken)}
-    return Sweep(views, previews, told, true_normals(rig))
+    return Sweep(planned.views, dict(planned.previews), told, true_normals(rig))
 
 
 @pytest.fixture(scope="module")

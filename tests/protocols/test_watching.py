@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from drivers.errors import DeviceLostError
+from instrument.preview import Preview
 from instrument.session import Session
-from protocols import run
+from instrument.validation import InvalidInputError
+from protocols import begun, run
 from protocols.dry_run import dry_run
-from protocols.engine import Finish, Progress, capture, resume
+from protocols.engine import Control, Finish, Progress, capture, resume
 from protocols.nominal_geometry import lens_and_light
 from protocols.planned_poses import PlannedPoses
 from protocols.progress import News, PoseBegun, PoseTaken
@@ -72,7 +74,29 @@ def test_a_resumed_capture_tells_which_poses_are_complete(tmp_path: Path) -> Non
     planned, *poses = news_of(seen)
     assert isinstance(planned, PlannedPoses)
     assert planned.complete == frozenset(range(outcome.n_complete))
+    with Session(path) as session:
+        assert planned.previews.keys() == planned.complete
+        for i_pose, preview in planned.previews.items():
+            np.testing.assert_array_equal(preview.picture, session.preview(i_pose))
     assert {news.i_pose for news in poses if isinstance(news, PoseTaken)} == set(range(outcome.n_complete, 4))
+
+
+def test_damaged_previews_do_not_keep_a_session_from_going_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def damaged(_: Session) -> dict[int, Preview]:
+        raise InvalidInputError("damaged", [])
+
+    path, seen, control = tmp_path / "s.h5", list[Progress](), Control()
+
+    def pause(progress: Progress) -> None:
+        if isinstance(progress.news, PoseTaken):
+            control.pause()
+
+    capture(rig_config(), protocol_config(), path, pause, FakeBench().devices, control)
+    monkeypatch.setattr(begun, "previews_of", damaged)
+    assert resume(path, seen.append, FakeBench().devices).finish is Finish.COMPLETE
+    planned = news_of(seen)[0]
+    assert isinstance(planned, PlannedPoses)
+    assert (planned.complete, planned.previews) == (frozenset([0]), {})
 
 
 def test_pictures_that_cannot_be_made_stop_no_capture(

@@ -9,7 +9,13 @@ from instrument.session import Session
 
 
 def previews_of(session: Session) -> dict[int, Preview]:
-    """Return the previews of a session's complete poses, by pose."""
+    """Return the previews of a session's complete poses, by pose.
+
+    Raises
+    ------
+    InvalidInputError
+        If one cannot be read.
+    """
     clipped, times = session.saturated_fraction, session.exposure_readback
     span = session.camera.saturation_value - session.camera.black_level
     previews = {}
