@@ -10,7 +10,6 @@ import numpy as np
 
 from analysis.quick_look import QuickLook
 from analysis.quick_look import quick_look as quick_look_of
-from cli.output import check_new
 from instrument.look import refuse_dangerous
 from instrument.session import Session
 from instrument.validation import LINE_BREAK, InvalidInputError, Problem, printable
@@ -63,11 +62,10 @@ def write_picture(found: Found, path: Path) -> None:
     Raises
     ------
     InvalidInputError
-        If there are no normals to show, or there is such a file.
+        If there are no normals to show.
     """
     from analysis.quick_figure import quick_figure
 
-    check_new(path)
     if found.look.problems:
         problems = [Problem(str(found.path), what) for what in found.look.problems]
         raise InvalidInputError(f"There are no normals to draw; {path} was not written.", problems)

@@ -104,8 +104,11 @@ def quick_look(path: Path, output: Path | None, as_json: bool) -> None:
 
     PATH may be interrupted, or being captured. Exit 3 if its poses do not determine normals yet.
     """
+    from cli.output import check_new
     from cli.quick_look import look_at, quick_text, write_picture
 
+    if output is not None:
+        check_new(output)
     found = look_at(path)
     if output is not None:
         write_picture(found, output)

@@ -14,10 +14,10 @@ from protocols.poses import Pose, ring
 from tests.protocols.fakes import rig_config
 
 
-def planned(*poses: Pose, largest_tilt: float = 60.0) -> PlannedPoses:
+def planned(*poses: Pose, largest_tilt: float = 40.0) -> PlannedPoses:
     axes = (
         AxisDescription("tilt", "rotation", Limits(-largest_tilt, largest_tilt, "deg"), 0.1, (1.0, 0.0, 0.0)),
-        AxisDescription("turn", "rotation", Limits(-360.0, 360.0, "deg"), 0.1, (0.0, 0.0, 1.0)),
+        AxisDescription("turn", "rotation", Limits(-180.0, 175.0, "deg"), 0.1, (0.0, 0.0, 1.0)),
     )
     return PlannedPoses(rig_config(), axes, poses, 16, 24)
 
@@ -45,7 +45,7 @@ def test_it_lowers_the_expected_error_and_the_next_one_less() -> None:
 
 
 def test_it_stands_on_the_side_that_nobody_looked_from() -> None:
-    poses = planned({"tilt": 0.0, "turn": 0.0}, *({"tilt": 40.0, "turn": turn} for turn in (0.0, 20.0, 40.0, 60.0)))
+    poses = planned({"tilt": 0.0, "turn": 0.0}, *({"tilt": 35.0, "turn": turn} for turn in (0.0, 20.0, 40.0, 60.0)))
     best = next_pose(poses, range(5))
     assert best is not None
     seen = poses.views.lens.sum(axis=0)[:2]

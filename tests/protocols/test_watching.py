@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.errors import DeviceLostError
 from instrument.preview import Preview
 from instrument.session import Session
 from instrument.validation import InvalidInputError
@@ -17,7 +16,7 @@ from protocols.nominal_geometry import lens_and_light
 from protocols.planned_poses import PlannedPoses
 from protocols.progress import News, PoseBegun, PoseTaken
 from protocols.thumbnails import WIDEST, thumbnails
-from tests.protocols.fakes import BLACK, HEIGHT, SATURATION, WIDTH, FakeBench, Script, protocol_config, rig_config
+from tests.protocols.fakes import BLACK, HEIGHT, SATURATION, WIDTH, FakeBench, protocol_config, rig_config
 
 
 def news_of(seen: list[Progress]) -> list[News]:
@@ -60,38 +59,36 @@ def test_the_preview_that_is_told_is_the_one_that_the_session_keeps(session: tup
             assert entry.preview.picture.max() <= entry.preview.ceiling
 
 
-def test_a_resumed_capture_tells_which_poses_are_complete(tmp_path: Path) -> None:
-    def lost_in_second_pose(call: int, name: str) -> None:
-        if name == "stage.move" and call > 25:
-            raise DeviceLostError("gone")
+def interrupted_after(n_poses: int, path: Path) -> None:
+    control = Control()
 
+    def watch(progress: Progress) -> None:
+        if isinstance(progress.news, PoseTaken) and progress.news.i_pose == n_poses - 1:
+            control.pause()
+
+    outcome = capture(rig_config(), protocol_config(count=4), path, watch, FakeBench().devices, control)
+    assert (outcome.finish, outcome.n_complete) == (Finish.PAUSED, n_poses)
+
+
+def test_a_resumed_capture_tells_which_poses_are_complete_and_shows_them(tmp_path: Path) -> None:
     path, seen = tmp_path / "s.h5", list[Progress]()
-    script: Script = lost_in_second_pose
-    outcome = capture(rig_config(), protocol_config(count=4), path, devices=FakeBench(script).devices)
-    assert outcome.finish is Finish.PAUSED
-    assert 0 < outcome.n_complete < 4
+    interrupted_after(2, path)
     resume(path, seen.append, FakeBench().devices)
     planned, *poses = news_of(seen)
     assert isinstance(planned, PlannedPoses)
-    assert planned.complete == frozenset(range(outcome.n_complete))
+    assert planned.complete == planned.previews.keys() == {0, 1}
     with Session(path) as session:
-        assert planned.previews.keys() == planned.complete
         for i_pose, preview in planned.previews.items():
             np.testing.assert_array_equal(preview.picture, session.preview(i_pose))
-    assert {news.i_pose for news in poses if isinstance(news, PoseTaken)} == set(range(outcome.n_complete, 4))
+    assert [news.i_pose for news in poses if isinstance(news, PoseTaken)] == [2, 3]
 
 
 def test_damaged_previews_do_not_keep_a_session_from_going_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def damaged(_: Session) -> dict[int, Preview]:
         raise InvalidInputError("damaged", [])
 
-    path, seen, control = tmp_path / "s.h5", list[Progress](), Control()
-
-    def pause(progress: Progress) -> None:
-        if isinstance(progress.news, PoseTaken):
-            control.pause()
-
-    capture(rig_config(), protocol_config(), path, pause, FakeBench().devices, control)
+    path, seen = tmp_path / "s.h5", list[Progress]()
+    interrupted_after(1, path)
     monkeypatch.setattr(begun, "previews_of", damaged)
     assert resume(path, seen.append, FakeBench().devices).finish is Finish.COMPLETE
     planned = news_of(seen)[0]
