@@ -1,4 +1,4 @@
-"""`halfangle session info`, `verify`, `list`, `pack`, `export` and `documents`."""
+"""`halfangle session info`, `verify`, `list`, `quick-look`, `pack`, `export` and `documents`."""
 
 from __future__ import annotations
 
@@ -93,6 +93,28 @@ def _listed(row: dict[str, Any]) -> str:
     else:
         poses, text = f"{row['n_complete']:>5}/{row['n_poses']:<5}", row["title"]
     return f"{row['state']:<12} {poses:<11} {row['path']}  {text}"
+
+
+@session.command("quick-look", epilog="Example: halfangle session quick-look relief.h5 -o relief.png")
+@click.argument("path", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Picture to write (PNG).")
+@json_option
+def quick_look(path: Path, output: Path | None, as_json: bool) -> None:
+    """Estimate normals of the session PATH from its previews and the rig file, and say where more poses would help.
+
+    PATH may be interrupted, or being captured. Exit 3 if its poses do not determine normals yet.
+    """
+    from cli.output import check_new
+    from cli.quick_look import look_at, quick_text, write_picture
+
+    if output is not None:
+        check_new(output)
+    found = look_at(path)
+    if output is not None:
+        write_picture(found, output)
+    click.echo(json.dumps(found.as_dict(), indent=2) if as_json else quick_text(found))
+    if found.look.problems:
+        sys.exit(3)
 
 
 @session.command(epilog="Example: halfangle session pack relief.h5 -o relief.packed.h5")

@@ -29,9 +29,11 @@ from gui.live_controls import LiveControls
 from gui.live_view import LiveView
 from gui.log_panel import LogPanel, LogRelay
 from gui.protocol_panel import ProtocolPanel
+from gui.quick_look import QuickLookTab
 from gui.result_tab import ResultTab
 from gui.rig_panel import RigPanel
 from gui.rig_use import RigUse
+from gui.seen_poses import SeenPoses
 from gui.sessions_tab import SessionsTab
 from gui.stop import EscapeTwice, StopButton
 from gui.theme import Theme, apply_theme
@@ -72,7 +74,9 @@ class MainWindow(QMainWindow):
         self.sessions_tab = SessionsTab()
         self.calibration_tab = CalibrationTab()
         self.result_tab = ResultTab()
-        self.protocol_panel = ProtocolPanel()
+        poses = SeenPoses(self.capture)
+        self.quick_look_tab = QuickLookTab(poses)
+        self.protocol_panel = ProtocolPanel(poses)
         self.banner = Banner()
         self.log_panel = LogPanel()
         self._log_relay = LogRelay()
@@ -106,6 +110,7 @@ class MainWindow(QMainWindow):
         self.rig_use.close()
         self.acquisition.close()
         self.live_view.close_workers()
+        self.quick_look_tab.close_worker()
         self.sessions_tab.close_job()
         self.calibration_tab.close_job()
         self.result_tab.close_job()
@@ -142,6 +147,7 @@ class MainWindow(QMainWindow):
         capture.planned.connect(self._show_outlook)
         capture.ended.connect(self._show_outcome)
         capture.failed.connect(self.show_failure)
+        self.quick_look_tab.failed.connect(self.show_failure)
         self.sessions_tab.chosen.connect(lambda path: panel.session_edit.setText(str(path)))
 
     def _wire_files(self) -> None:
@@ -213,6 +219,7 @@ class MainWindow(QMainWindow):
     def _lay_out(self) -> None:
         self.tabs = QTabWidget()
         self.tabs.addTab(self.live_view, self.tr("Live"))
+        self.tabs.addTab(self.quick_look_tab, self.tr("Quick look"))
         self.tabs.addTab(self.sessions_tab, self.tr("Sessions"))
         self.tabs.addTab(self.calibration_tab, self.tr("Calibration"))
         self.tabs.addTab(self.result_tab, self.tr("Result"))

@@ -6,16 +6,36 @@ import math
 from pathlib import Path
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QFileDialog, QFormLayout, QGridLayout, QLineEdit, QProgressBar, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QFileDialog,
+    QFormLayout,
+    QGridLayout,
+    QLineEdit,
+    QProgressBar,
+    QSizePolicy,
+    QVBoxLayout,
+    QWidget,
+)
 
 from gui.actions import ActionButton
+from gui.bracket_strip import BracketStrip
 from gui.files import FileField
+from gui.pose_view import PoseView
+from gui.seen_poses import SeenPoses
 from gui.text import selectable
 from protocols.progress import Progress, duration
 
 
 class ProtocolPanel(QWidget):
-    """Says what the operator asks for, and shows what it is told."""
+    """Says what the operator asks for, and shows what it is told.
+
+    Parameters
+    ----------
+    poses : SeenPoses
+        Those of the capture.
+    parent : QWidget, optional
+        As in Qt.
+    """
 
     plan_asked = Signal(Path)  # the protocol
     start_asked = Signal(Path, Path)  # the protocol, the session to write
@@ -23,8 +43,11 @@ class ProtocolPanel(QWidget):
     pause_asked = Signal()
     abort_asked = Signal()
 
-    def __init__(self, parent: QWidget | None = None) -> None:
+    def __init__(self, poses: SeenPoses, parent: QWidget | None = None) -> None:
         super().__init__(parent)
+        self.pose_view = PoseView(poses)
+        self.bracket_strip = BracketStrip()
+        poses.taken.connect(self.bracket_strip.show_pose)
         self.protocol_edit = QLineEdit(placeholderText="protocol.toml")
         self.session_edit = QLineEdit(placeholderText="session.h5")
         self.plan_button = ActionButton("capture.plan")
@@ -35,6 +58,10 @@ class ProtocolPanel(QWidget):
         self.bar = QProgressBar()
         self.outlook_label = selectable("", self.tr("What the capture would take"))
         self.state_label = selectable(self.tr("nothing has begun"), self.tr("How far the capture is"))
+        # The plan's digest is one word that no line breaks: better its end is cut than the panel.
+        policy = QSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        policy.setHeightForWidth(True)
+        self.outlook_label.setSizePolicy(policy)
         self._lay_out()
         self._wire()
         self.show_busy(busy=False)
@@ -103,4 +130,6 @@ class ProtocolPanel(QWidget):
         column.addLayout(buttons)
         column.addWidget(self.bar)
         column.addWidget(self.state_label)
+        column.addWidget(self.pose_view)
+        column.addWidget(self.bracket_strip)
         column.addStretch()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,9 +13,25 @@ LARGEST_WIDTH = 320
 CLIPPED_SHARE = 1e-3
 
 
+@dataclass(frozen=True, eq=False)
+class Preview:
+    """A small picture of one pose, and what it cannot exceed.
+
+    Attributes
+    ----------
+    picture : ndarray of float32, shape (h, w)
+        Counts per second, as `preview` returns them.
+    ceiling : float
+        Counts per second of a cell all of whose pixels are clipped.
+    """
+
+    picture: NDArray[np.float32]
+    ceiling: float
+
+
 def preview_shape(height: int, width: int) -> tuple[int, int]:
     """Return the height and width of the preview of a frame."""
-    block = _block(height, width)
+    block = block_of(height, width)
     return height // block, width // block
 
 
@@ -41,14 +59,21 @@ def preview(
     ndarray of float32, shape (h, w)
         Counts per second; a cell of a Bayer mosaic is averaged as a whole, and so are the channels of a pixel.
     """
-    usable = np.flatnonzero(saturated_fraction <= CLIPPED_SHARE)
-    best = int(usable[-1]) if usable.size else 0
+    best = best_exposure(saturated_fraction)
     height, width = counts.shape[1:3]
-    block = _block(height, width)
+    block = block_of(height, width)
     h, w = preview_shape(height, width)
-    cells = counts[best, : h * block, : w * block].reshape(h, block, w, block, -1)
-    means = cells.mean(axis=(1, 3, 4), dtype=np.float64)
+    cells = counts[best, : h * block, : w * block]
+    # Whole rows first: that adds long runs of numbers, three times as fast as block by block.
+    rows = cells.reshape(h, block, -1).sum(axis=1, dtype=np.uint32 if cells.dtype == np.uint16 else np.float64)
+    means = rows.reshape(h, w, -1).sum(axis=2, dtype=np.float64) * (h * w / cells.size)
     return np.asarray((means - black_level) / exposure_times[best], dtype=np.float32)
+
+
+def best_exposure(saturated_fraction: NDArray[np.float64]) -> int:
+    """Return which exposure a preview is made of: the longest that is not clipped, the first if all are."""
+    usable = np.flatnonzero(saturated_fraction <= CLIPPED_SHARE)
+    return int(usable[-1]) if usable.size else 0
 
 
 def fraction(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -56,8 +81,8 @@ def fraction(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
     return np.array([np.count_nonzero(frame) / frame.size for frame in mask])
 
 
-def _block(height: int, width: int) -> int:
-    """Return the side of a block, even so that it holds whole cells of a Bayer mosaic."""
+def block_of(height: int, width: int) -> int:
+    """Return the side of a block in pixels of a frame, even so that it holds whole cells of a Bayer mosaic."""
     wanted = 2 * max(1, -(-width // (2 * LARGEST_WIDTH)))
     # A very flat picture keeps four rows: viewers take an axis of one or two for colours.
     return min(wanted, max(2, height // 8 * 2))

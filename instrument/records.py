@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite
+from typing import Literal
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +39,31 @@ class Board:
     def is_placed(self) -> bool:
         """Whether somebody stated where it lies."""
         return all(map(isfinite, self.corner_mm))
+
+
+@dataclass(frozen=True, slots=True)
+class AxisRecord:
+    """An axis of the stage that carried the sample.
+
+    Attributes
+    ----------
+    name : str
+    kind : {"rotation", "translation"}
+        Degrees or millimetres.
+    low, high : float
+        Range of positions, ends included.
+    tolerance : float
+        Largest difference between target and read-back that counted as arrived.
+    vector : tuple of float, length 3
+        Unit vector of the axis, in the frame of the axis it rides on.
+    """
+
+    name: str
+    kind: Literal["rotation", "translation"]
+    low: float
+    high: float
+    tolerance: float
+    vector: tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from instrument import layout
-from instrument.session_stated import StatedReader
+from instrument.session_axes import AxesReader
 
 
-class BesideReader(StatedReader):
+class BesideReader(AxesReader):
     """A session file, as far as pictures for the response, of a flat field and of ambient light go."""
 
     @cached_property

@@ -6,16 +6,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pydantic import ValidationError
 
 from instrument.config import RigConfig
 from instrument.layout import Status
+from instrument.preview import Preview
+from instrument.previews import previews_of
 from instrument.session import Session
-from instrument.validation import InvalidInputError, Problem, raise_if_any
+from instrument.validation import InvalidInputError, raise_if_any
 from instrument.verify import plan_problems
 from protocols.moved import Landmark
 from protocols.plan import Plan
 from protocols.run import Begun
+from protocols.session_rig import rig_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +62,7 @@ class BegunSession:
             plan = Plan.from_json(session.plan_json)
             return cls(
                 path=path,
-                rig=_rig_from(session),
+                rig=rig_of(session),
                 plan=plan,
                 begun=_begun(session, plan),
                 status=session.status,
@@ -82,14 +84,13 @@ def _begun(session: Session, plan: Plan) -> Begun:
         dark_temperature=np.nan if dark is None or temperatures is None else float(temperatures.mean()),
         has_flats=bool(times.size and np.isfinite(times).all()),
         landmark=Landmark.of(session, plan.targets),
+        previews=_previews(session),
     )
 
 
-def _rig_from(session: Session) -> RigConfig:
+def _previews(session: Session) -> dict[int, Preview]:
+    """Return the previews, none if one of them is damaged: they are only looked at, and no reason not to go on."""
     try:
-        rig = RigConfig.model_validate_json(session.rig_json, strict=True)
-    except ValidationError as error:
-        problem = Problem("/entry/process_capture/rig_values", f"is no rig of this release: {error}")
-        raise InvalidInputError(f"{session.path} cannot be resumed", [problem]) from None
-    rig.remember(session.rig_text)
-    return rig
+        return previews_of(session)
+    except InvalidInputError:
+        return {}

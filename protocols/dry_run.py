@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -13,6 +13,7 @@ from drivers.stage import Stage
 from instrument.config import ProtocolConfig, RigConfig
 from instrument.rig import OpenDevices, Rig
 from protocols.kept_frames import KeptFrames
+from protocols.planned_poses import PlannedPoses
 from protocols.prepare import Prepared, prepare
 from protocols.progress import duration
 
@@ -50,6 +51,8 @@ class Outlook:
         What does not forbid the capture.
     plan_sha256 : str
         Digest of the plan; empty where scout frames have yet to complete it.
+    planned : PlannedPoses or None
+        The poses themselves, to be shown; no part of the text or of `as_dict`.
     """
 
     protocol: str
@@ -69,10 +72,13 @@ class Outlook:
     serial_numbers: dict[str, str]
     warnings: tuple[str, ...]
     plan_sha256: str
+    planned: PlannedPoses | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the fields by name."""
-        return asdict(self)
+        """Return the estimate by name."""
+        values = asdict(replace(self, planned=None))
+        del values["planned"]
+        return values
 
     def as_text(self) -> str:
         """Return lines for the operator."""
@@ -132,6 +138,7 @@ def _outlook(rig: Rig, prepared: Prepared) -> Outlook:
         serial_numbers=rig.serial_numbers,
         warnings=prepared.warnings,
         plan_sha256="" if is_metered else plan.sha256,
+        planned=PlannedPoses.of(rig, plan),
     )
 
 

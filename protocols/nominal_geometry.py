@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from drivers.stage import AxisDescription
+from instrument.nominal_views import NominalViews
 from instrument.rig_config import RigConfig
 
 Array = NDArray[np.float64]
@@ -35,6 +36,31 @@ def lens_and_light(
     frames = [lab_from_sample(axes, pose) for pose in poses]
     places = [[R.T @ (point - t) for R, t in frames] for point in (lens, light)]
     return np.reshape(places[0], (-1, 3)), np.reshape(places[1], (-1, 3))
+
+
+def nominal_views(
+    rig: RigConfig, axes: Sequence[AxisDescription], poses: Sequence[Mapping[str, float]], height: int, width: int
+) -> NominalViews:
+    """Return how the camera sees the sample at P poses.
+
+    Parameters
+    ----------
+    rig, axes, poses
+        As for `lens_and_light`.
+    height, width : int
+        Pixels of a raw frame.
+    """
+    lens, light = lens_and_light(rig, axes, poses)
+    rotations = [LAB_FROM_CAMERA.T @ lab_from_sample(axes, pose)[0] for pose in poses]
+    return NominalViews(
+        lens=lens,
+        light=light,
+        rotation=np.reshape(rotations, (-1, 3, 3)),
+        focal_length_px=rig.camera.focal_length_px,
+        height=height,
+        width=width,
+        area_mm=rig.geometry.area_mm,
+    )
 
 
 def lab_from_sample(axes: Sequence[AxisDescription], pose: Mapping[str, float]) -> tuple[Array, Array]:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from drivers.camera import CameraDescription, Frame
 from drivers.errors import DeviceError, UnsafeError
 from drivers.light import LightState
+from instrument.preview import fraction
 from protocols.shot import Shot
 
 # A frame of which more than this share is clipped counts as clipped: a few glints are no fault of the bracket.
@@ -19,7 +20,13 @@ _TELLING_COUNTS = 4.0
 
 def clips(frame: Frame, camera: CameraDescription) -> bool:
     """Return whether so much of a frame is clipped that its exposure was too long."""
-    return bool((frame.counts >= camera.saturation_level).mean() > CLIPPED_SHARE)
+    return bool(clipped_shares(frame.counts[None], camera)[0] > CLIPPED_SHARE)
+
+
+def clipped_shares(counts: NDArray[np.uint16] | NDArray[np.float32], camera: CameraDescription) -> NDArray[np.float64]:
+    """Return the share of each frame's pixels at the saturation level; counts (K, H, W) to shape (K,)."""
+    # A whole number: to compare counts with a floating-point number takes twice as long.
+    return fraction(counts >= int(np.ceil(camera.saturation_level)))
 
 
 def check_order(numbers: list[int]) -> None:

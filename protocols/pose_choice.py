@@ -50,12 +50,12 @@ def choose_poses(
     InvalidInputError
         If so many poses are not within the limits.
     """
-    candidates = _candidates(rig, axes, choice, already)
-    if len(candidates) < choice.count:
-        raise InvalidInputError("the poses cannot be chosen", [_too_few(len(candidates), choice)])
-    criterion = Criterion.of(rig, axes, choice, candidates, already)
+    possible = candidates(rig, axes, choice, already)
+    if len(possible) < choice.count:
+        raise InvalidInputError("the poses cannot be chosen", [_too_few(len(possible), choice)])
+    criterion = Criterion.of(rig, axes, choice, possible, already)
     chosen = _exchanged(criterion, _greedy(criterion, choice.count))
-    return in_short_order([candidates[i] for i in chosen])
+    return in_short_order([possible[i] for i in chosen])
 
 
 def _greedy(criterion: Criterion, count: int) -> list[int]:
@@ -89,10 +89,16 @@ def _best(criterion: Criterion, others: list[int]) -> tuple[int, float]:
     return i, float(value[i])
 
 
-def _candidates(
+def candidates(
     rig: RigConfig, axes: Sequence[AxisDescription], choice: ChosenConfig, already: Sequence[Pose]
 ) -> list[dict[str, float]]:
-    """Return poses on a grid within the limits that see the sample from different sides, none of `already`."""
+    """Return poses on a grid within the limits that see the sample from different sides, none of `already`.
+
+    Parameters
+    ----------
+    rig, axes, choice, already
+        As for `choose_poses`.
+    """
     used = [axis.name for axis in axes if axis.kind == "rotation"][-2:]
     positions = {axis.name: _positions(axis) if axis.name in used else [_rest(axis)] for axis in axes}
     poses = [dict(zip(positions, at, strict=True)) for at in product(*positions.values())]

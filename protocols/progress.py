@@ -9,6 +9,12 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from instrument.preview import Preview
+from protocols.planned_poses import PlannedPoses
+
 _log = logging.getLogger(__name__)
 
 
@@ -35,6 +41,46 @@ class Finish(Enum):
 
 
 @dataclass(frozen=True, slots=True)
+class PoseBegun:
+    """A pose that is being taken from now on.
+
+    Attributes
+    ----------
+    i_pose : int
+    """
+
+    i_pose: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseTaken:
+    """What was taken at a pose, in small.
+
+    Attributes
+    ----------
+    i_pose : int
+    thumbnails : ndarray of uint8, shape (K, h, w)
+        The frames of its bracket, from the black level to the saturation level, at most `thumbnails.WIDEST` across.
+    exposure_times : ndarray, shape (K,)
+        Seconds, ascending.
+    clipped : ndarray, shape (K,)
+        Share of each frame's pixels at the saturation level.
+    preview : Preview
+        Of the longest exposure that is not clipped.
+    """
+
+    i_pose: int
+    thumbnails: NDArray[np.uint8]
+    exposure_times: NDArray[np.float64]
+    clipped: NDArray[np.float64]
+    preview: Preview
+
+
+News = PlannedPoses | PoseBegun | PoseTaken
+"""What a report may bring besides words: all poses once, before the first of them; each pose before and after it."""
+
+
+@dataclass(frozen=True, slots=True)
 class Progress:
     """One report.
 
@@ -53,6 +99,8 @@ class Progress:
         What happens, in words.
     warning : str
         What the operator should know though the capture goes on; empty most of the time.
+    news : PlannedPoses, PoseBegun, PoseTaken or None
+        What is told of the poses with this report.
     """
 
     state: State
@@ -63,6 +111,7 @@ class Progress:
     remaining: float
     message: str
     warning: str = ""
+    news: News | None = None
 
     @classmethod
     def at_start(cls, state: State, n_complete: int, n_poses: int) -> Progress:

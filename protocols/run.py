@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,20 +16,25 @@ from instrument.audit import AuditLog
 from instrument.bounded import within
 from instrument.layout import Status
 from instrument.pose_record import PoseRecord
+from instrument.preview import Preview
 from instrument.recorder import Recorder
 from instrument.rig import Rig
 from protocols.bracket import Bracket, take_pose
 from protocols.control import Control
 from protocols.darks_and_flats import take_darks, take_flats
 from protocols.moved import Landmark, check_not_moved, light_changed
-from protocols.picture_checks import CLIPPED_SHARE
+from protocols.picture_checks import CLIPPED_SHARE, clipped_shares
 from protocols.plan import Plan
-from protocols.progress import Finish, Outcome, Progress, State, Watcher, tell
+from protocols.planned_poses import PlannedPoses
+from protocols.progress import Finish, News, Outcome, PoseBegun, Progress, State, Watcher, tell
 from protocols.recovery import Recovery
 from protocols.reference import ReferencePatch
 from protocols.shot import move_verified
+from protocols.thumbnails import pose_taken
 from protocols.warm_up import warm_up
 from protocols.writer import PoseWriter
+
+_log = logging.getLogger(__name__)
 
 CLOSE_LIMIT = 60.0
 """Seconds that closing the session may take; a stalled disk must not keep anybody waiting for ever."""
@@ -64,6 +70,8 @@ class Begun:
         Whether its flat frames are whole.
     landmark : Landmark or None
         A frame to find out by whether the sample was moved since.
+    previews : mapping of int to Preview
+        Of its complete poses, to be shown; it may lack some.
     """
 
     complete: Collection[int] = ()
@@ -72,6 +80,7 @@ class Begun:
     temperature_band: float = 5.0
     has_flats: bool = False
     landmark: Landmark | None = None
+    previews: Mapping[int, Preview] = field(default_factory=dict)
 
 
 @dataclass
@@ -157,7 +166,8 @@ class Run:
 
     def _capture(self) -> None:
         self._audit.note("run", plan=self._plan.sha256, missing=len(self._missing), rig=self._rig.config.name)
-        self._report(State.RUNNING, "homing the stage")
+        planned = PlannedPoses.of(self._rig, self._plan, self._begun.complete, self._begun.previews)
+        self._report(State.RUNNING, "homing the stage", news=planned)
         self._recovery.repeated("homing the stage", lambda _: self._rig.stage.home())
         darkness = self._begun.darkness or self._darks()
         if self._rig.config.light.warm_up_s > 0.0:
@@ -211,7 +221,7 @@ class Run:
         self._poses_began = begins = self._rig.clock.now()
         for i_pose in self._missing:
             self._between_poses()
-            self._report(State.RUNNING, f"pose {i_pose + 1} of {self._plan.n_poses}")
+            self._report(State.RUNNING, self._name(i_pose), news=PoseBegun(i_pose))
             while (left := begins - self._rig.clock.now()) > 0.0:
                 self._rig.wait(min(left, LONGEST_DEAFNESS))
                 self._between_poses()
@@ -229,9 +239,24 @@ class Run:
         self._writer.put(i_pose, record, self._wait_for_disk)
         self._tally.n_taken += 1
         self._tally.n_frames += len(record.counts)
+        self._show(i_pose, record)
         self._watch_light(i_pose, record)
         self._watch_sensor(record)
         self._watch_clipping(i_pose, record)
+
+    def _show(self, i_pose: int, record: PoseRecord) -> None:
+        """Let whoever watches see the pose; pictures for nobody are not made, and none of them stops a capture."""
+        if self._watcher is None:
+            return
+        try:
+            taken = pose_taken(i_pose, record, self._rig.camera.describe())
+        except Exception:
+            _log.exception("the small pictures of %s could not be made; the capture goes on", self._name(i_pose))
+        else:
+            self._report(State.RUNNING, f"took {self._name(i_pose)}", news=taken)
+
+    def _name(self, i_pose: int) -> str:
+        return f"pose {i_pose + 1} of {self._plan.n_poses}"
 
     def _wait_for_disk(self) -> None:
         """Say that the disk is behind; the light is off between poses."""
@@ -262,8 +287,7 @@ class Run:
             )
 
     def _watch_clipping(self, i_pose: int, record: PoseRecord) -> None:
-        saturation = self._rig.camera.describe().saturation_level
-        share = float((record.counts[0] >= saturation).mean())
+        share = float(clipped_shares(record.counts[:1], self._rig.camera.describe())[0])
         if share <= CLIPPED_SHARE:
             return
         what = f"pose {i_pose}: {share:.1%} of the shortest exposure clips"
@@ -350,7 +374,7 @@ class Run:
             self._tally.warnings[warning] = None
             self._report(self.state, warning, warning)
 
-    def _report(self, state: State, message: str, warning: str = "") -> None:
+    def _report(self, state: State, message: str, warning: str = "", news: News | None = None) -> None:
         self.state = state
         now, n_taken = self._rig.clock.now(), self._tally.n_taken
         left = len(self._missing) - n_taken
@@ -363,6 +387,7 @@ class Run:
             remaining=(now - self._poses_began) / n_taken * left if n_taken else math.nan,
             message=message,
             warning=warning,
+            news=news,
         )
         tell(self._watcher, progress)
 

@@ -75,6 +75,7 @@ def test_a_whole_capture_by_clicks(window: MainWindow, qtbot: QtBot, tmp_path: P
     click(qtbot, panel.plan_button)
     qtbot.waitUntil(lambda: "poses     3" in panel.outlook_label.text(), timeout=20_000)
     wait_for_end(window, qtbot)
+    assert panel.pose_view.count_label.text() == "○ 3 planned"
     click(qtbot, panel.start_button)
     assert panel.pause_button.isEnabled()
     assert not panel.start_button.isEnabled()
@@ -84,6 +85,8 @@ def test_a_whole_capture_by_clicks(window: MainWindow, qtbot: QtBot, tmp_path: P
     wait_for_end(window, qtbot)
     assert (panel.bar.value(), panel.bar.maximum()) == (3, 3)
     assert window.light_label.text() == LightSign.OFF.value
+    assert panel.pose_view.count_label.text() == "● 3 complete"
+    assert panel.bracket_strip.title_label.text() == "Frames of pose 3"
     with Session(tmp_path / "session.h5") as session:
         assert session.pose_complete.all()
 

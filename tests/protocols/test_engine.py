@@ -165,12 +165,12 @@ def test_progress_counts_poses_and_frames_and_estimates_the_rest(tmp_path: Path)
     seen: list[Progress] = []
     capture(rig_config(), protocol_config(), tmp_path / "s.h5", seen.append, FakeBench().devices)
     assert [progress.state.name for progress in seen] == [
-        "PREFLIGHT", "RUNNING", "RUNNING", "RUNNING", "RUNNING", "FINISHING", "SAFE",
+        "PREFLIGHT", "RUNNING", "RUNNING", "RUNNING", "RUNNING", "RUNNING", "RUNNING", "FINISHING", "SAFE",
     ]  # fmt: skip
     # Poses are written while the next one is taken; only what is on the disk counts.
     assert [progress.n_complete for progress in seen[:4]] == [0, 0, 0, 0]
     assert seen[-1].n_complete == 2
-    assert [progress.n_frames for progress in seen] == [0, 0, 0, 4, 6, 8, 8]
+    assert [progress.n_frames for progress in seen] == [0, 0, 0, 4, 6, 6, 8, 8, 8]
     assert np.isnan(seen[3].remaining)
     assert seen[4].remaining > 0
     assert seen[-1].remaining == 0
