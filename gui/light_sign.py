@@ -47,4 +47,4 @@ class LightLabel(QLabel):
     def show_sign(self, sign: LightSign) -> None:
         """Show what is known of the light."""
         self.setText(self.tr(sign.value))
-        self.setStyleSheet(f"{_STYLES[sign]}; font: bold 16pt; padding: 8px")
+        self.setStyleSheet(f"{_STYLES[sign]}; font: bold 16pt; padding: 8px; border: 2px solid #808080")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pyqtgraph as pg
 from PySide6.QtCore import QRectF, Qt
-from PySide6.QtWidgets import QCheckBox, QGridLayout, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QGridLayout, QHBoxLayout, QSplitter, QVBoxLayout, QWidget
 
 from drivers.camera import CameraDescription
 from gui.board_overlay import BoardOverlay
@@ -156,12 +156,15 @@ class LiveView(QWidget):
             for i_column, switch in enumerate(part):
                 switches.addWidget(switch, row, i_column)
         switches.setColumnStretch(len(tools), 1)
-        plots = QSplitter(Qt.Orientation.Horizontal)
-        plots.addWidget(self.histogram)
-        plots.addWidget(self.profile)
+        plots = QHBoxLayout()
+        plots.addWidget(self.histogram, stretch=1)
+        plots.addWidget(self.profile, stretch=1)
+        below = QWidget()
+        below.setLayout(plots)
+        plots.setContentsMargins(0, 0, 0, 0)
         parts = QSplitter(Qt.Orientation.Vertical)
         parts.addWidget(self.picture)
-        parts.addWidget(plots)
+        parts.addWidget(below)
         parts.setStretchFactor(0, 1)
         # The plots begin as low as they may be: the rest is for the picture.
         parts.setSizes([10_000, 1])

@@ -227,10 +227,12 @@ class MainWindow(QMainWindow):
         for part in (self._left_column(), self.tabs, _scrolling(self.protocol_panel)):
             self.columns.addWidget(part)
         self.columns.setStretchFactor(1, 1)
+        self.columns.setSizes([250, 750, 360])
         self.rows = QSplitter(Qt.Orientation.Vertical)
         self.rows.addWidget(self.columns)
         self.rows.addWidget(self.log_panel)
         self.rows.setStretchFactor(0, 1)
+        self.rows.setSizes([700, 110])
         centre = QWidget()
         column = QVBoxLayout(centre)
         # Above all else, where the eye falls; it takes no room while there is nothing to say.

@@ -62,6 +62,7 @@ class ProtocolPanel(QWidget):
         policy = QSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         policy.setHeightForWidth(True)
         self.outlook_label.setSizePolicy(policy)
+        self.state_label.setStyleSheet("font-size: 11pt; font-weight: bold")
         self._lay_out()
         self._wire()
         self.show_busy(busy=False)
@@ -108,7 +109,8 @@ class ProtocolPanel(QWidget):
 
     def _wire(self) -> None:
         for edit in (self.protocol_edit, self.session_edit):
-            edit.textChanged.connect(lambda _: self.show_busy(busy=False))
+            # Also while a capture runs a session may be chosen from the list, for later.
+            edit.textChanged.connect(lambda _: self.show_busy(busy=self.pause_button.isEnabled()))
         self.plan_button.clicked.connect(lambda: self.plan_asked.emit(self.protocol))
         self.start_button.clicked.connect(lambda: self.start_asked.emit(self.protocol, self.session))
         self.resume_button.clicked.connect(lambda: self.resume_asked.emit(self.session))
