@@ -53,6 +53,7 @@ def window(bench: Bench, qtbot: QtBot, tmp_path: Path) -> Iterator[MainWindow]:
     write(window, tmp_path, PROTOCOL)
     yield window
     window.close()
+    window.deleteLater()
     assert not bench.lit
 
 

@@ -118,6 +118,7 @@ def window(bench: Bench, qtbot: QtBot, tmp_path: Path) -> Iterator[MainWindow]:
     window.protocol_panel.session_edit.setText(str(tmp_path / "session.h5"))
     yield window
     window.close()
+    window.deleteLater()
 
 
 @pytest.fixture

@@ -107,6 +107,8 @@ def opened(bench: Bench, qtbot: QtBot) -> Iterator[MainWindow]:
     qtbot.waitUntil(window.controls.live_button.isEnabled)
     yield window
     window.close()
+    # What Qt keeps of a window else, a thousand widgets each, makes every later change of colours slower.
+    window.deleteLater()
 
 
 def go_live(window: MainWindow, qtbot: QtBot) -> None:
@@ -254,6 +256,7 @@ def test_can_be_closed_while_the_rig_is_being_opened(bench: Bench, qtbot: QtBot)
     window = MainWindow(rig_config(), bench.devices)
     window.close()
     assert window.acquisition.isFinished()
+    window.deleteLater()
 
 
 def test_a_failing_camera_shows_in_the_banner_with_the_light_off(doomed: tuple[MainWindow, Bench], qtbot: QtBot):

@@ -28,6 +28,7 @@ def window(qtbot: QtBot) -> Iterator[MainWindow]:
     window = MainWindow(rig_config(), Bench().devices)
     yield window
     window.close()
+    window.deleteLater()
 
 
 def test_a_window_opens_with_what_the_last_one_had(file: Path, window: MainWindow, qtbot: QtBot):
@@ -47,6 +48,7 @@ def test_a_window_opens_with_what_the_last_one_had(file: Path, window: MainWindo
     assert (other.width(), other.height()) == (777, 555)
     assert other.columns.sizes() == pytest.approx(sizes, abs=2)
     other.close()
+    other.deleteLater()
 
 
 @pytest.mark.parametrize(

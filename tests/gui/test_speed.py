@@ -25,6 +25,7 @@ def live(qtbot: QtBot) -> Iterator[MainWindow]:
     qtbot.waitUntil(lambda: window.live_view.boards.found.data.size > 0, timeout=60_000)
     yield window
     window.close()
+    window.deleteLater()
 
 
 @pytest.mark.slow
