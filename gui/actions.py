@@ -22,7 +22,7 @@ class ActionInfo:
     key : str
         Names it, ``"menu.verb"``.
     text : str
-        On its button, with the key to press after Alt.
+        On its button; with the letter to press with Alt where it has no shortcut.
     command : str
         The command line that does the same.
     shortcut : str
@@ -50,32 +50,32 @@ ACTIONS = {
     action.key: action
     for action in (
         ActionInfo("rig.stop", QT_TRANSLATE_NOOP("Actions", "STOP (Esc Esc)"), "halfangle rig safe RIG"),
-        ActionInfo("rig.connect", QT_TRANSLATE_NOOP("Actions", "Co&nnect"), "halfangle rig check RIG", "Ctrl+K"),
-        ActionInfo("rig.live", QT_TRANSLATE_NOOP("Actions", "&Live (light on)"), "halfangle rig frame RIG", "Ctrl+L"),
+        ActionInfo("rig.connect", QT_TRANSLATE_NOOP("Actions", "Connect"), "halfangle rig check RIG", "Ctrl+K"),
+        ActionInfo("rig.live", QT_TRANSLATE_NOOP("Actions", "Live (light on)"), "halfangle rig frame RIG", "Ctrl+L"),
         ActionInfo(
             "capture.plan",
-            QT_TRANSLATE_NOOP("Actions", "C&heck and estimate"),
+            QT_TRANSLATE_NOOP("Actions", "Check and estimate"),
             "halfangle plan PROTOCOL --rig RIG",
             "F6",
         ),
         ActionInfo(
             "capture.start",
-            QT_TRANSLATE_NOOP("Actions", "&Start"),
+            QT_TRANSLATE_NOOP("Actions", "Start"),
             "halfangle capture PROTOCOL --rig RIG -o SESSION",
             "F5",
         ),
         ActionInfo(
             "capture.pause",
-            QT_TRANSLATE_NOOP("Actions", "&Pause after this pose"),
+            QT_TRANSLATE_NOOP("Actions", "Pause after this pose"),
             "halfangle capture: Ctrl-C once",
             "F8",
         ),
         ActionInfo(
-            "capture.resume", QT_TRANSLATE_NOOP("Actions", "&Resume the session"), "halfangle resume SESSION", "F9"
+            "capture.resume", QT_TRANSLATE_NOOP("Actions", "Resume the session"), "halfangle resume SESSION", "F9"
         ),
         ActionInfo(
             "capture.abort",
-            QT_TRANSLATE_NOOP("Actions", "&Abort now"),
+            QT_TRANSLATE_NOOP("Actions", "Abort now"),
             "halfangle capture: Ctrl-C twice",
             "Ctrl+F8",
         ),
@@ -96,6 +96,15 @@ ACTIONS = {
         ),
     )
 }
+
+GESTURES = {
+    "choose an exposure time": "halfangle rig frame RIG --exposure-time SECONDS",
+    "mark a region of the live picture": "halfangle rig frame RIG --region TOP LEFT BOTTOM RIGHT",
+    "look at a capture while it runs": "halfangle session quick-look SESSION",
+    "pick a point of a result": "halfangle point RESULT ROW COLUMN",
+    "drag the light over a result": "halfangle render RESULT --camera X,Y,Z --light X,Y,Z -o PICTURE",
+}
+"""What is done without a button, each with its command as well."""
 
 
 class ActionButton(QPushButton):

@@ -19,7 +19,7 @@ from instrument.board_config import BoardConfig
 from instrument.frame_facts import BLACK, CLIPPED, SHARP, Counts, Region
 
 MARK_TEXTS = {
-    CLIPPED: QT_TRANSLATE_NOOP("LiveView", "&Clipped"),
+    CLIPPED: QT_TRANSLATE_NOOP("LiveView", "Cli&pped"),
     BLACK: QT_TRANSLATE_NOOP("LiveView", "&Black"),
     SHARP: QT_TRANSLATE_NOOP("LiveView", "In &focus"),
 }

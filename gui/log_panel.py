@@ -53,7 +53,7 @@ class LogPanel(QWidget):
         self.text.setAccessibleName(self.tr("Log"))
         # Tab goes on to the next part of the window: nobody writes in here.
         self.text.setTabChangesFocus(True)
-        label = QLabel(self.tr("Lo&g"))
+        label = QLabel(self.tr("&Log"))
         label.setBuddy(self.level_box)
         row = QHBoxLayout()
         row.addWidget(label)

@@ -62,7 +62,11 @@ class ProtocolPanel(QWidget):
         policy = QSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         policy.setHeightForWidth(True)
         self.outlook_label.setSizePolicy(policy)
-        self.state_label.setStyleSheet("font-size: 11pt; font-weight: bold")
+        font = self.state_label.font()
+        font.setPointSizeF(1.2 * font.pointSizeF())
+        font.setBold(True)
+        # Not by a style sheet, which keeps the colours of the theme that it was set in.
+        self.state_label.setFont(font)
         self._lay_out()
         self._wire()
         self.show_busy(busy=False)

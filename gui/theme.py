@@ -69,8 +69,9 @@ _DISABLED = {Theme.DARK: "#6b747c", Theme.LIGHT: "#8d959c"}
 
 def apply_theme(application: QApplication, theme: Theme) -> None:
     """Give all windows the colours of a theme."""
-    # One style on every desktop: it takes all its colours from the palette.
-    application.setStyle("Fusion")
+    # One style on every desktop: it takes all its colours from the palette. To set it again takes its time.
+    if application.style().objectName() != "fusion":
+        application.setStyle("Fusion")
     application.setPalette(palette_of(_resolved(application, theme)))
 
 

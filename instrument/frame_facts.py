@@ -17,8 +17,9 @@ CLIPPED, BLACK, SHARP = 1, 2, 3
 """Values of `FrameFacts.marks`; 0 = nothing to say."""
 
 N_BINS = 256
-SHARP_NOISES = 8.0
-"""Second differences beyond so many times their median are edges in focus."""
+SHARP_NOISES = 6.0
+"""Second differences beyond so many times their noise are edges in focus."""
+_PIXELS_DIFFER = 0.01  # share by which pixels see the same light differently, at most
 
 
 class Region(NamedTuple):
@@ -123,23 +124,37 @@ def profile(
 
 def _marks(counts: Counts, camera: CameraDescription) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
     """Return the marks, and the strength of the edges, half the size."""
-    edges = _edges(counts)
-    threshold = SHARP_NOISES * max(float(np.median(edges[::4, ::4])), 1.0)
-    sharp = (edges > threshold).view(np.uint8) * np.uint8(SHARP)
+    cells = _cells(counts)
+    edges = np.abs(cv2.Laplacian(cells, cv2.CV_32F))
+    sharp = (edges > SHARP_NOISES * _edge_noise(cells, camera)).view(np.uint8) * np.uint8(SHARP)
     marks = np.zeros(counts.shape, np.uint8)
     height, width = (2 * n for n in sharp.shape)
     cv2.resize(sharp, (width, height), dst=marks[:height, :width], interpolation=cv2.INTER_NEAREST)
     # At the black level is black, at the saturation level is clipped; compared as integers, which is faster.
     np.copyto(marks, BLACK, where=counts <= np.uint16(camera.black_level))
     np.copyto(marks, CLIPPED, where=counts >= np.uint16(np.ceil(camera.saturation_level)))
-    return marks, edges
+    return marks, np.asarray(edges, np.float32)
 
 
-def _edges(counts: Counts) -> NDArray[np.float32]:
-    """Return the absolute second differences between cells of 2 x 2 pixels, in which no mosaic is, half the size."""
+def _cells(counts: Counts) -> Counts:
+    """Return means of cells of 2 x 2 pixels, in which no mosaic is."""
     height, width = (n - n % 2 for n in counts.shape)
-    cells = cv2.resize(counts[:height, :width], (width // 2, height // 2), interpolation=cv2.INTER_AREA)
-    return np.asarray(np.abs(cv2.Laplacian(cells, cv2.CV_32F)), np.float32)
+    means = cv2.resize(counts[:height, :width], (width // 2, height // 2), interpolation=cv2.INTER_AREA)
+    return np.asarray(means, np.uint16)
+
+
+def _edge_noise(cells: Counts, camera: CameraDescription) -> NDArray[np.float32]:
+    """Return the standard deviation of second differences of an even surface.
+
+    With s the signal above black, g the electrons per count and r the read noise, a cell of four pixels has the
+    variance v = ((r / g)^2 + s / g + (p s)^2 + 1 / 12) / 4 + 1 / 12, where p stands for what pixels differ by and the
+    twelfths for rounding; its second differences, 4 c - (c_1 + c_2 + c_3 + c_4), have 20 v.
+    """
+    g, r, p = camera.conversion_gain, camera.read_noise, _PIXELS_DIFFER
+    signal = cv2.subtract(cells, np.array([camera.black_level]), dtype=cv2.CV_32F)
+    s = np.maximum(signal, 0.0, dtype=np.float32)
+    constant = np.float32(20.0 * (((r / g) ** 2 + 1.0 / 12.0) / 4.0 + 1.0 / 12.0))
+    return np.asarray(np.sqrt(constant + s * (np.float32(5.0 / g) + np.float32(5.0 * p**2) * s)), np.float32)
 
 
 def _share(marks: NDArray[np.uint8], mark: int) -> float:

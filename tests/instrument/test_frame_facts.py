@@ -102,3 +102,13 @@ def test_marks_are_the_same_where_black_and_clipping_lie_between_counts():
     counts[0, 0], counts[0, 2], counts[0, 4], counts[0, 6] = 64, 65, 3999, 4000
     marks = frame_facts(counts, between).marks[0, :8:2].tolist()
     assert [m if m in (BLACK, CLIPPED) else 0 for m in marks] == [BLACK, 0, 0, CLIPPED]
+
+
+def test_noise_alone_is_in_focus_nowhere_however_bright_the_picture():
+    rng = np.random.default_rng(1)
+    electrons = np.repeat([0.0, 400.0, 3000.0, 7000.0], 24) * np.ones((64, 1))
+    counts = 64.0 + (rng.poisson(electrons) + rng.normal(0.0, 3.0, electrons.shape)) / 2.0
+    marks = frame_facts(counts.round().clip(0, 4095).astype(np.uint16), camera()).marks
+    steps = np.isin(np.arange(96) // 2, [11, 12, 23, 24, 35, 36])
+    assert not (marks[:, ~steps] == SHARP).any()
+    assert (marks[:, steps] == SHARP).any(axis=0).sum() >= 8
