@@ -12,6 +12,7 @@ import jinja2
 from analysis.calibration_checks import calibration_checks, coverage_of
 from analysis.calibration_figures import calibration_figures
 from analysis.calibration_parameters import parameters_of
+from analysis.calibration_views import views_of
 from analysis.checks import Check, Status, by_severity, count
 from analysis.error_budget import ErrorBudget
 from analysis.session_calibration import Calibration
@@ -72,10 +73,13 @@ class CalibrationReport:
         return {
             **self.figures,
             "session": self.facts.title,
+            "session_digest": self.facts.digest,
+            "image_size_px": list(self.facts.image_size),
             "verdict": {status.value: count(self.checks, status) for status in Status},
             "checks": [check.as_dict() for check in by_severity(self.checks)],
             "parameters": [parameter.as_dict() for parameter in parameters_of(self.calibration)],
             "coverage": None if reached is None else reached.as_dict(),
+            "views": list(views_of(self.calibration)),
         }
 
 

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from analysis.camera_calibration import CameraCalibration
 from analysis.figures import STYLE, png
+from analysis.residual_arrows import REGIONS, by_region, exaggeration
 
 Array = NDArray[np.float64]
 
-_SHARE = 0.04  # of the picture's width that a long arrow takes
-_REGIONS, _ENOUGH = (8, 6), 10  # across and down the picture; corners that a region needs
 _BRIGHTEST = 99.0  # percentile of a preview that is drawn white
 
 
@@ -44,24 +43,12 @@ def regional_means(camera: CameraCalibration, image_size: tuple[int, int]) -> by
     centres, means, errors = by_region(points, residuals, image_size)
     with mpl.rc_context(STYLE):
         figure, axes = _over_picture(image_size)
-        times = exaggeration(means, image_size, 1.0 / _REGIONS[0])
+        times = exaggeration(means, image_size, 1.0 / REGIONS[0])
         quiver = _arrows(axes, centres, means, times, cmap="viridis", clim=(0.0, 5.0), width=0.006)
         quiver.set_array(np.linalg.norm(means, axis=1) / errors)
         figure.colorbar(quiver, ax=axes, shrink=0.7, label="over its standard error")
         axes.set_title(f"mean of each region, {times:g} times as long")
         return png(figure)
-
-
-def by_region(points: Array, residuals: Array, image_size: tuple[int, int]) -> tuple[Array, Array, Array]:
-    """Return centres (n, 2), mean residuals (n, 2) and their standard errors (n,) of regions with enough corners."""
-    size = np.array(image_size) / _REGIONS
-    index = np.clip((points + 0.5) // size, 0, np.array(_REGIONS) - 1).astype(int)
-    which = index[:, 1] * _REGIONS[0] + index[:, 0]
-    enough = np.flatnonzero(np.bincount(which) >= _ENOUGH)
-    means = np.array([residuals[which == k].mean(axis=0) for k in enough]).reshape(-1, 2)
-    errors = [np.sqrt(np.sum(residuals[which == k].var(axis=0)) / np.sum(which == k)) for k in enough]
-    centres = (np.stack([enough % _REGIONS[0], enough // _REGIONS[0]], axis=1) + 0.5) * size - 0.5
-    return centres, means, np.maximum(errors, 1e-12)
 
 
 def worst_view(
@@ -86,16 +73,6 @@ def worst_view(
         note = f"; {len(out)} left out (x)" if len(out) else ""
         axes.set_title(f"{name}: {camera.view_rms[v]:.4f} px RMS, {times:g} times as long{note}")
         return png(figure)
-
-
-def exaggeration(residuals: Array, image_size: tuple[int, int], share: float = _SHARE) -> float:
-    """Return a round number of times that makes long arrows at most `share` of the picture's width."""
-    if not len(residuals):
-        return 1.0
-    long = float(np.percentile(np.linalg.norm(residuals, axis=1), 95))
-    times = share * image_size[0] / max(long, 1e-9)
-    power = 10.0 ** np.floor(np.log10(times))
-    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= times))
 
 
 def view_bars(camera: CameraCalibration, i_pose: NDArray[np.int64]) -> bytes:

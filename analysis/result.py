@@ -17,6 +17,7 @@ from analysis import pixel_samples
 from analysis.atom_file import read_atoms, write_atoms
 from analysis.atoms import LAMBERT, LOBE, MATERIAL, AnyAtom, TabulatedAtom
 from analysis.dictionary import Dictionary
+from analysis.fitted_views import FittedViews, read_views, write_views
 from analysis.fitting import tiles
 from analysis.materials import group_materials
 from analysis.palette_brdf import MaterialBrdfs
@@ -34,8 +35,8 @@ from instrument.validation import InvalidInputError, Problem, raise_if_any
 Array = NDArray[np.float64]
 Scalar = TypeVar("Scalar", bound=np.generic)
 
-SCHEMA = "1.1"
-"""1.1 brought atoms that are tables."""
+SCHEMA = "1.2"
+"""1.1 brought atoms that are tables, 1.2 the views as they were fitted."""
 
 MODEL_NAMES = ("unsolved", "lambert", "diffuse", "one lobe", "mixture", "material", "mixture of materials")
 FLAG_NAMES = {
@@ -71,6 +72,8 @@ class Result:
         Figures: noise level, scores, errors on views left out, calibration.
     materials : MaterialBrdfs or None
         The palette's materials over all angles, with their band, where a palette was used.
+    views : FittedViews or None
+        None in files of version 1.1 and before.
     """
 
     fits: PixelFits
@@ -82,6 +85,7 @@ class Result:
     stages: list[dict[str, float | str]]
     summary: dict[str, Any]
     materials: MaterialBrdfs | None = None
+    views: FittedViews | None = None
 
     def as_map(self, values: NDArray[Scalar]) -> NDArray[Scalar]:
         """Give per-pixel values the shape of the area."""
@@ -159,6 +163,7 @@ def result_of(
         stages=[{"name": s.name, "seconds": s.seconds, "peak_mb": s.peak_mb} for s in stages],
         summary=summary,
         materials=reconstruction.materials,
+        views=FittedViews.of(reconstruction),
     )
 
 
@@ -181,6 +186,8 @@ def write_result(path: Path, result: Result) -> None:
         group.attrs.update({"NX_class": "NXdata", "signal": "depth"})
         _write_maps(group, result)
         _write_brdf(entry.create_group("brdf"), result)
+        if result.views is not None:
+            write_views(entry.create_group("views"), result.views)
 
 
 def _write_maps(group: Any, result: Result) -> None:
@@ -302,5 +309,6 @@ def _read(file: Any) -> Result:
         depth_sigma=maps["depth_sigma"][...].astype(np.float64),
         truth_error=error,
         materials=_read_band(brdf["band"], fits.dictionary.atoms) if "band" in brdf else None,
+        views=read_views(file["/entry/views"]) if "views" in file["/entry"] else None,
         **text,
     )

@@ -37,6 +37,12 @@ _OPTIONAL: dict[str, Shape] = {
     "/entry/brdf/band/theta_h": ("h",),
     "/entry/brdf/band/theta_d": ("d",),
     "/entry/brdf/band/seen": ("M", 2),
+    "/entry/views/camera_position": ("V", 3),
+    "/entry/views/light_position": ("V", 3),
+    "/entry/views/light_power": ("V",),
+    "/entry/views/relative_error": (),
+    "/entry/views/floor": (),
+    "/entry/views/level": (),
 }
 _INTEGERS = ("/entry/result/flags", "/entry/brdf/atom")
 _TEXTS = ("/entry/choices", "/entry/stages", "/entry/summary", "/entry/brdf/atom_model")

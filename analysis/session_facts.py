@@ -21,6 +21,8 @@ class SessionFacts:
     Attributes
     ----------
     title : str
+    digest : str
+        Of the session's plan and frames.
     image_size : (int, int)
         Width, height.
     n_complete : int
@@ -38,6 +40,7 @@ class SessionFacts:
     """
 
     title: str
+    digest: str
     image_size: tuple[int, int]
     n_complete: int
     boards: tuple[Board, ...]
@@ -56,6 +59,7 @@ def facts_of(session: Session, calibration: Calibration) -> SessionFacts:
     on_two_axes = {"tilt", "turn"} <= set(axes)
     return SessionFacts(
         title=session.title,
+        digest=session.digest(),
         image_size=(session.camera.width, session.camera.height),
         n_complete=int(session.pose_complete.sum()),
         boards=session.boards,

@@ -51,14 +51,15 @@ def table(rows: Sequence[Sequence[str]]) -> str:
 
 def write_json(path: Path, value: Any) -> None:
     """Write `value` as JSON; NaN and infinities become null, since JSON has none."""
-    path.write_text(json.dumps(_finite(value), indent=2) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(finite(value), indent=2) + "\n", encoding="utf-8")
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
+    """Return values for JSON with null for NaN and infinities, and plain numbers for numpy's."""
     if isinstance(value, dict):
-        return {key: _finite(v) for key, v in value.items()}
+        return {key: finite(v) for key, v in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(v) for v in value]
+        return [finite(v) for v in value]
     if isinstance(value, float | np.floating):
         return float(value) if np.isfinite(value) else None
     return value.item() if isinstance(value, np.generic) else value

@@ -43,6 +43,7 @@ class ActionInfo:
 MENUS = {
     "rig": QT_TRANSLATE_NOOP("Actions", "&Rig"),
     "capture": QT_TRANSLATE_NOOP("Actions", "&Capture"),
+    "sessions": QT_TRANSLATE_NOOP("Actions", "S&essions"),
 }
 
 ACTIONS = {
@@ -77,6 +78,21 @@ ACTIONS = {
             QT_TRANSLATE_NOOP("Actions", "&Abort now"),
             "halfangle capture: Ctrl-C twice",
             "Ctrl+F8",
+        ),
+        ActionInfo("sessions.look", QT_TRANSLATE_NOOP("Actions", "L&ook"), "halfangle session list FOLDER"),
+        ActionInfo("sessions.verify", QT_TRANSLATE_NOOP("Actions", "Verif&y"), "halfangle session verify SESSION"),
+        ActionInfo(
+            "sessions.calibrate",
+            QT_TRANSLATE_NOOP("Actions", "Cali&brate"),
+            "halfangle calibrate SESSION -o STACK --report PAGE --json FIGURES",
+        ),
+        ActionInfo(
+            "sessions.reconstruct",
+            QT_TRANSLATE_NOOP("Actions", "Reconstr&uct"),
+            "halfangle reconstruct SOURCE -o RESULT",
+        ),
+        ActionInfo(
+            "sessions.report", QT_TRANSLATE_NOOP("Actions", "&Make a report"), "halfangle report RESULT -o PAGE"
         ),
     )
 }

@@ -31,6 +31,9 @@ class FileField(QWidget):
     ) -> None:
         super().__init__(parent)
         self.edit = edit
+        # Before there is the button: a proxy that comes later catches Tab in a circle between the two.
+        edit.setParent(self)
+        self.setFocusProxy(edit)
         # Not modal: STOP has to be within reach of the mouse at any moment.
         self.dialog = QFileDialog(self, self.tr("Choose a file"))
         self.dialog.setModal(False)
@@ -48,7 +51,6 @@ class FileField(QWidget):
         row.setContentsMargins(0, 0, 0, 0)
         row.addWidget(edit, stretch=1)
         row.addWidget(self.button)
-        self.setFocusProxy(edit)
 
     def _open(self) -> None:
         folder = Path(self.edit.text()).parent

@@ -22,6 +22,7 @@ from drivers.registry import open_devices
 from gui.acquisition import Acquisition, Introduction
 from gui.actions import CONTEXT, MENUS, ActionButton
 from gui.banner import Banner
+from gui.calibration_tab import CalibrationTab
 from gui.capture_model import CaptureModel
 from gui.light_sign import SIGNS, LightLabel, LightSign
 from gui.live_controls import LiveControls
@@ -71,6 +72,7 @@ class MainWindow(QMainWindow):
         self.stop_button = StopButton()
         self.live_view = LiveView(config.boards, config.camera.focal_length_px)
         self.sessions_tab = SessionsTab()
+        self.calibration_tab = CalibrationTab()
         self.result_tab = ResultTab()
         poses = SeenPoses(self.capture)
         self.quick_look_tab = QuickLookTab(poses)
@@ -85,6 +87,7 @@ class MainWindow(QMainWindow):
         self._fill_menus()
         self._wire_rig()
         self._wire_capture()
+        self._wire_files()
         self._wire_log()
         self.connect_rig()
 
@@ -109,6 +112,7 @@ class MainWindow(QMainWindow):
         self.live_view.close_workers()
         self.quick_look_tab.close_worker()
         self.sessions_tab.close_job()
+        self.calibration_tab.close_job()
         self.result_tab.close_job()
         self.closed.emit()
         event.accept()
@@ -145,6 +149,22 @@ class MainWindow(QMainWindow):
         capture.failed.connect(self.show_failure)
         self.quick_look_tab.failed.connect(self.show_failure)
         self.sessions_tab.chosen.connect(lambda path: panel.session_edit.setText(str(path)))
+
+    def _wire_files(self) -> None:
+        sessions, calibration, result = self.sessions_tab, self.calibration_tab, self.result_tab
+        sessions.calibration_asked.connect(calibration.open_session)
+        sessions.calibration_asked.connect(lambda _: self._turn_to(calibration))
+        sessions.result_asked.connect(result.open_file)
+        sessions.result_asked.connect(lambda _: self._turn_to(result))
+        calibration.calibrate_asked.connect(sessions.calibrate)
+        sessions.line.connect(lambda line: self.log_panel.add(logging.INFO, line))
+        for tab in (sessions, calibration, result):
+            tab.failed.connect(self.show_failure)
+
+    def _turn_to(self, tab: QWidget) -> None:
+        # Whoever watches the live picture goes on watching it.
+        if self.tabs.currentWidget() is not self.live_view:
+            self.tabs.setCurrentWidget(tab)
 
     def _wire_log(self) -> None:
         self._log_relay.carrier.logged.connect(self.log_panel.add)
@@ -201,6 +221,7 @@ class MainWindow(QMainWindow):
         self.tabs.addTab(self.live_view, self.tr("Live"))
         self.tabs.addTab(self.quick_look_tab, self.tr("Quick look"))
         self.tabs.addTab(self.sessions_tab, self.tr("Sessions"))
+        self.tabs.addTab(self.calibration_tab, self.tr("Calibration"))
         self.tabs.addTab(self.result_tab, self.tr("Result"))
         self.columns = QSplitter(Qt.Orientation.Horizontal)
         for part in (self._left_column(), self.tabs, _scrolling(self.protocol_panel)):

@@ -1,72 +1,85 @@
-"""A result: its maps, the curve at a point that is picked, and the sample relit where the mouse drags the light."""
+"""A result: its maps, samples and curve of a point that is picked, and the sample relit by dragging the light."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pyqtgraph as pg
-from numpy.typing import NDArray
-from PySide6.QtCore import QPointF, Qt, Signal
-from PySide6.QtWidgets import QComboBox, QFileDialog, QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtCore import QCoreApplication, Qt, Signal
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QLineEdit, QSplitter, QVBoxLayout, QWidget
 
-from analysis.figures import display_colours, normal_colours
-from analysis.materials import group_materials
-from analysis.reflectance import Cosines
-from analysis.result import Result, diffuse_albedo, read_result
-from gui.job import Job
+from gui.colour_bar import ColourBar
+from gui.files import FileField
+from gui.light_drag import LightDrag
+from gui.map_picture import MapPicture, map_picture
 from gui.newest import Newest
-from gui.plots import CHANNEL_COLOURS
+from gui.plots import Picture
+from gui.point_view import PointView
+from gui.text import QT_TRANSLATE_NOOP, selectable
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from analysis.point_source import PointSource
+    from analysis.result import Result
+    from analysis.result_maps import ResultMap
 
-RELIT = "Relit (drag the light)"
-_ANGLES = np.deg2rad(np.linspace(0.0, 85.0, 200))
-_LIGHT_HEIGHT = 0.8  # of the light that is dragged, in widths of the area
-
-
-def _scalar(values: Array) -> Array:
-    low, high = np.nanpercentile(values, [1, 99]) if np.isfinite(values).any() else (0.0, 1.0)
-    scaled = np.clip((values - low) / max(high - low, 1e-12), 0.0, 1.0)
-    table = pg.colormap.get("viridis").getLookupTable(nPts=256, alpha=False)
-    colours = table[np.nan_to_num(scaled * 255.0).astype(int)] / 255.0
-    return np.asarray(np.where(np.isfinite(values)[..., None], colours, 0.0))
-
-
-MAPS: dict[str, Callable[[Result], Array]] = {
-    "Normals": lambda result: normal_colours(result.normals),
-    "Depth": lambda result: _scalar(result.depth),
-    "Albedo": lambda result: display_colours(result.as_map(diffuse_albedo(result.fits))),
-    "Materials": lambda result: _scalar(result.as_map(group_materials(result.fits)).astype(float)),
-    "Sigma of the normals": lambda result: _scalar(result.as_map(result.fits.normal_sigma)),
-    "Residual": lambda result: _scalar(np.sqrt(result.as_map(result.fits.reduced_chi2))),
+RELIT = "relit"
+TITLES = {
+    "normals": QT_TRANSLATE_NOOP("ResultTab", "Normals"),
+    "depth": QT_TRANSLATE_NOOP("ResultTab", "Depth"),
+    "albedo": QT_TRANSLATE_NOOP("ResultTab", "Albedo"),
+    "materials": QT_TRANSLATE_NOOP("ResultTab", "Materials"),
+    "normal sigma": QT_TRANSLATE_NOOP("ResultTab", "Sigma of the normals"),
+    "depth sigma": QT_TRANSLATE_NOOP("ResultTab", "Sigma of the depth"),
+    "residual": QT_TRANSLATE_NOOP("ResultTab", "Residual"),
+    RELIT: QT_TRANSLATE_NOOP("ResultTab", "Relit (drag the light, or arrow keys)"),
 }
-"""Colours, shape (H, W, 3) and 0 to 1, by what the operator reads."""
+"""What the operator reads, by the names of `analysis.result_maps.MAPS`."""
+
+_FEWEST_LETTERS = 8  # of a map's title
+_LIGHT_HEIGHT, _CAMERA_HEIGHT = 0.8, 2.0  # of what relights, in widths of the area
+
+
+class _Drawing(NamedTuple):
+    """A map that is asked for; with the light's place for the relit one."""
+
+    result: Result
+    name: str
+    light: tuple[float, float]
 
 
 class ResultTab(QWidget):
-    """Shows a result file; reads it in a thread of its own."""
+    """Shows a result file; reads and draws it in threads of their own."""
 
     shown = Signal()
+    failed = Signal(str)
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.file_edit = QLineEdit(placeholderText="sample.result.h5")
-        self.open_button = QPushButton("&Open")
+        self.file_field = FileField(self.file_edit, self.tr("Results (*.result.h5)"))
         self.map_box = QComboBox()
-        self.map_box.addItems([*MAPS, RELIT])
-        self.canvas = pg.GraphicsView()
-        self._box = pg.ViewBox(lockAspect=True, invertY=True, enableMenu=False)
-        self.picture = pg.ImageItem(axisOrder="row-major")
-        self.canvas.setCentralItem(self._box)
-        self._box.addItem(self.picture)
-        self.curve = pg.PlotWidget()
-        self.point_label = QLabel("click into the map to see the curve of a point")
+        for name, title in TITLES.items():
+            self.map_box.addItem(QCoreApplication.translate("ResultTab", title), name)
+        # As narrow as it has to be: the texts are longer than a small screen has room for.
+        self.map_box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.map_box.setMinimumContentsLength(_FEWEST_LETTERS)
+        self.picture = Picture()
+        self.picture.setAccessibleName(self.tr("Map of the result"))
+        self.mark = _mark()
+        for item in self.mark:
+            self.picture.box.addItem(item, ignoreBounds=True)
+        self.light = LightDrag(self.picture)
+        self.bar = ColourBar()
+        self.point = PointView()
+        self.state_label = selectable(self.tr("no result is open"), self.tr("State of the result"))
+        self.value_label = selectable(name=self.tr("Value under the cursor"))
         self._result: Result | None = None
-        self._relighting = Newest(_relit, self)
-        self._relighting.done.connect(self._set_picture)
-        self._job: Job | None = None
+        self._map: MapPicture | None = None
+        self._pointed: tuple[int, int] | None = None
+        self._reading = Newest(_read, self)
+        self.drawing = Newest(_draw, self)
         self._lay_out()
         self._wire()
 
@@ -76,123 +89,142 @@ class ResultTab(QWidget):
         return self._result
 
     @property
-    def is_busy(self) -> bool:
-        """Whether a file is being read."""
-        return self._job is not None
+    def map_name(self) -> str:
+        """Which map is chosen."""
+        return str(self.map_box.currentData())
+
+    def choose_map(self, name: str) -> None:
+        """Show a map, by its name in `TITLES`."""
+        self.map_box.setCurrentIndex(self.map_box.findData(name))
 
     def open_file(self, path: Path) -> None:
-        """Read a result and show it; nothing while another one is being read."""
-        if self.is_busy:
-            return
-        self.point_label.setText(f"reading {path}")
-        self._job = Job(lambda *_: read_result(path), self)
-        self._job.succeeded.connect(self._show)
-        self._job.failed.connect(self.point_label.setText)
-        self._job.finished.connect(self._end)
-        self._job.start()
-
-    def close_job(self) -> None:
-        """Wait for what is being read or relit."""
-        self._relighting.close()
-        if self._job is not None:
-            self._job.wait()
+        """Read a result and show it."""
+        self.file_edit.setText(str(path))
+        self.state_label.setText(self.tr("reading {path}").format(path=path))
+        self._reading.ask(path)
 
     def pick(self, row: int, column: int) -> None:
-        """Show the fitted curve of a point, thick where it was seen."""
-        result = self._result
-        if result is None or not (0 <= row < result.grid.height and 0 <= column < result.grid.width):
-            return
-        fits = result.fits.select(np.array([row * result.grid.width + column]))
-        near, far = fits.theta_h_range[0]
-        f = fits.brdf(Cosines.on_slice(_ANGLES[None]))[0]
-        seen = (near <= _ANGLES) & (far >= _ANGLES)
-        self.curve.clear()
-        names = "RGB" if f.shape[1] == 3 else ("grey",)
-        for values, name in zip(f.T, names, strict=False):
-            for part, width in ((np.ones_like(seen), 1), (seen, 3)):
-                pen = pg.mkPen(CHANNEL_COLOURS[name], width=width)
-                self.curve.plot(np.rad2deg(_ANGLES[part]), np.maximum(values[part], 1e-6), pen=pen)
-        sigma = np.rad2deg(fits.normal_sigma[0])
-        self.point_label.setText(
-            f"row {row}, column {column}: seen from {np.rad2deg(near):.0f} to {np.rad2deg(far):.0f} deg, "
-            f"normal known to {sigma:.2f} deg"
-        )
-
-    def relight(self, x: float, y: float) -> None:
-        """Show the sample with the light over a point of the area, from -1 to 1 across and up."""
-        result = self._result
-        if result is None:
-            return
-        self._relighting.ask((result, x, y))
-
-    def _show(self, result: Result) -> None:
-        self._result = result
-        self._box.setRange(xRange=(0, result.grid.width), yRange=(0, result.grid.height), padding=0.02)
-        self.point_label.setText("click into the map to see the curve of a point")
-        self._show_map(self.map_box.currentText())
-        self.shown.emit()
-
-    def _end(self) -> None:
-        self._job = None
-
-    def _show_map(self, name: str) -> None:
+        """Show the samples and the curve of a pixel, and mark it in the map."""
         if self._result is None:
             return
-        if name == RELIT:
-            self.relight(-0.5, 0.5)
-        else:
-            self._set_picture(MAPS[name](self._result))
+        for item in self.mark:
+            item.setData(pos=[(column + 0.5, row + 0.5)])
+        self.point.show_point(row, column)
 
-    def _set_picture(self, colours: Array) -> None:
-        self.picture.setImage((np.clip(colours, 0.0, 1.0) * 255.0).astype(np.uint8), autoLevels=False, levels=(0, 255))
+    def relight(self, x: float, y: float) -> None:
+        """Show the sample with the light over a place, from -1 to 1 across the area and up."""
+        if self._result is not None and self.map_name == RELIT:
+            self.drawing.ask(_Drawing(self._result, RELIT, (x, y)))
 
-    def _clicked(self, event: pg.GraphicsScene.mouseEvents.MouseClickEvent) -> None:
-        point = self._box.mapSceneToView(event.scenePos())
-        self.pick(int(np.floor(point.y())), int(np.floor(point.x())))
+    def close_job(self) -> None:
+        """Wait for what is being read or drawn."""
+        for worker in (self._reading, self.drawing):
+            worker.close()
+        self.point.close_workers()
 
-    def _moved(self, position: QPointF) -> None:
-        # Only while the left button is held, and where relighting is what is shown.
-        buttons = pg.QtWidgets.QApplication.mouseButtons()
-        if self._result is None or self.map_box.currentText() != RELIT or not buttons & Qt.MouseButton.LeftButton:
-            return
-        point = self._box.mapSceneToView(position)
-        grid = self._result.grid
-        self.relight(2.0 * point.x() / grid.width - 1.0, 1.0 - 2.0 * point.y() / grid.height)
+    def _show(self, read: PointSource) -> None:
+        self._result, self._map, self._pointed = read.result, None, None
+        self.value_label.setText("")
+        self.state_label.setText(str(read.path))
+        self.point.take(read)
+        for item in self.mark:
+            item.clear()
+        self.picture.fit(self._result.grid.height, self._result.grid.width)
+        self._ask_for_map()
+        self.shown.emit()
 
-    def _ask(self) -> None:
-        name, _ = QFileDialog.getOpenFileName(self, "Open a result", self.file_edit.text(), "Results (*.result.h5)")
-        if name:
-            self.file_edit.setText(name)
-            self.open_file(Path(name))
+    def _fail(self, why: str) -> None:
+        self.state_label.setText(why)
+        self.failed.emit(why)
+
+    def _ask_for_map(self) -> None:
+        self.light.switch_to(on=self._result is not None and self.map_name == RELIT)
+        if self._result is not None and self.map_name != RELIT:
+            self.drawing.ask(_Drawing(self._result, self.map_name, (0.0, 0.0)))
+
+    def _show_map(self, drawn: tuple[str, MapPicture]) -> None:
+        name, shown = drawn
+        # Another one may have been chosen meanwhile.
+        if name == self.map_name:
+            self._map = shown
+            self.picture.show_image(shown.image, shown.table)
+            self.bar.show_scale(shown, self.map_box.currentText())
+            if self._pointed is not None:
+                self._tell_value(*self._pointed)
+
+    def _tell_value(self, row: int, column: int) -> None:
+        self._pointed = (row, column)
+        text = self.tr("row {row}, column {column}: {value}")
+        value = "" if self._map is None else self._map.text_at(row, column)
+        self.value_label.setText(text.format(row=row, column=column, value=value))
 
     def _wire(self) -> None:
-        self.open_button.clicked.connect(self._ask)
         self.file_edit.returnPressed.connect(lambda: self.open_file(Path(self.file_edit.text())))
-        self.map_box.currentTextChanged.connect(self._show_map)
-        self._box.scene().sigMouseClicked.connect(self._clicked)
-        self._box.scene().sigMouseMoved.connect(self._moved)
+        self.file_field.dialog.fileSelected.connect(lambda name: self.open_file(Path(name)))
+        self.map_box.currentIndexChanged.connect(lambda _: self._ask_for_map())
+        self.picture.picked.connect(self.pick)
+        self.picture.pointed.connect(self._tell_value)
+        self.light.moved.connect(self.relight)
+        self._reading.done.connect(self._show)
+        self._reading.failed.connect(self._fail)
+        self.drawing.done.connect(self._show_map)
+        self.drawing.failed.connect(self._fail)
 
     def _lay_out(self) -> None:
-        self.curve.setLogMode(x=False, y=True)
-        self.curve.setLabel("bottom", "half angle, deg")
-        self.curve.setLabel("left", "BRDF, 1/sr")
-        self.point_label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         row = QHBoxLayout()
-        row.addWidget(self.file_edit, stretch=1)
-        row.addWidget(self.open_button)
-        row.addWidget(self.map_box)
-        columns = QHBoxLayout()
-        columns.addWidget(self.canvas, stretch=3)
-        columns.addWidget(self.curve, stretch=2)
+        for text, field in ((self.tr("&File"), self.file_field), (self.tr("&Map"), self.map_box)):
+            label = QLabel(text)
+            label.setBuddy(field)
+            row.addWidget(label)
+            row.addWidget(field, stretch=2 if field is self.file_field else 1)
+        left = QWidget()
+        map_column = QVBoxLayout(left)
+        map_column.setContentsMargins(0, 0, 0, 0)
+        map_row = QHBoxLayout()
+        map_row.addWidget(self.picture, stretch=1)
+        map_row.addWidget(self.bar)
+        map_column.addLayout(map_row, stretch=1)
+        map_column.addWidget(self.value_label)
+        columns = QSplitter(Qt.Orientation.Horizontal)
+        columns.addWidget(left)
+        columns.addWidget(self.point)
+        columns.setSizes([600, 400])
         column = QVBoxLayout(self)
         column.addLayout(row)
-        column.addLayout(columns, stretch=1)
-        column.addWidget(self.point_label)
+        column.addWidget(self.state_label)
+        column.addWidget(columns, stretch=1)
 
 
-def _relit(asked: tuple[Result, float, float]) -> Array:
-    """Return the area in the light of a lamp over a point of it, as display colours."""
-    result, x, y = asked
-    width = result.grid.width * result.grid.pitch
-    light = np.array([x * width, y * width, _LIGHT_HEIGHT * width])
-    return display_colours(result.render(np.array([0.0, 0.0, 2.0 * width]), light))
+def _mark() -> tuple[pg.ScatterPlotItem, pg.ScatterPlotItem]:
+    """Return the two lines of a cross that is seen on any colour."""
+    lines = tuple(pg.ScatterPlotItem(symbol="x", size=s, pen=pg.mkPen(c, width=1)) for s, c in ((16, "w"), (10, "k")))
+    for item in lines:
+        item.setZValue(15)
+    return lines[0], lines[1]
+
+
+def _read(path: Path) -> PointSource:
+    # Imported here, in the worker, since it takes as long as opening the window.
+    from analysis.point_source import PointSource
+    from analysis.result import read_result
+    from instrument.look import refuse_dangerous
+
+    refuse_dangerous(path)
+    return PointSource(path, read_result(path))
+
+
+def _draw(asked: _Drawing) -> tuple[str, MapPicture]:
+    from analysis.result_maps import MAPS
+
+    shown = _relit(asked) if asked.name == RELIT else MAPS[asked.name](asked.result)
+    return asked.name, map_picture(shown)
+
+
+def _relit(asked: _Drawing) -> ResultMap:
+    """Return the area in the light of a lamp over a place of it."""
+    from analysis.result_maps import relit
+
+    width, height = (n * asked.result.grid.pitch for n in (asked.result.grid.width, asked.result.grid.height))
+    x, y = asked.light
+    light = np.array([0.5 * x * width, 0.5 * y * height, _LIGHT_HEIGHT * width])
+    return relit(asked.result, np.array([0.0, 0.0, _CAMERA_HEIGHT * width]), light)

@@ -1,43 +1,45 @@
-"""The sessions of a folder with their state, each to be verified or taken up again."""
+"""The sessions of a folder with their state, each to be verified, taken up again, looked at or processed again."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import (
-    QAbstractItemView,
-    QHBoxLayout,
-    QLabel,
-    QLineEdit,
-    QPushButton,
-    QTableWidget,
-    QTableWidgetItem,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QFileDialog, QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
 
-from gui.job import Job
+from gui.actions import ActionButton
+from gui.files import FileField
+from gui.job import Job, Work
+from gui.reprocessing import ReprocessingPanel
+from gui.sessions_table import Pictures, SessionsTable
+from gui.text import selectable
+from instrument import beside
 from instrument.examination import Examination, examination
 from instrument.summary import summarise_all
-
-COLUMNS = ("State", "Poses", "File", "Title")
+from instrument.thumbnail import thumbnails_of
 
 
 class SessionsTab(QWidget):
     """Looks at files in a thread of its own; shows what it found."""
 
     chosen = Signal(Path)  # the session to go on with
+    calibration_asked = Signal(Path)  # the session whose calibration is to be shown
+    result_asked = Signal(Path)  # the result to be shown
+    line = Signal(str)  # of the log
+    failed = Signal(str)
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.folder_edit = QLineEdit(".")
-        self.look_button = QPushButton("&Look")
-        self.verify_button = QPushButton("&Verify")
-        self.use_button = QPushButton("&Go on with it")
-        self.table = QTableWidget(0, len(COLUMNS))
-        self.found_label = QLabel(wordWrap=True)
+        self.folder_field = FileField(self.folder_edit, self.tr("Folders"))
+        self.look_button = ActionButton("sessions.look")
+        self.verify_button = ActionButton("sessions.verify")
+        self.use_button = QPushButton(self.tr("&Go on with it"))
+        self.show_button = QPushButton(self.tr("Sho&w"))
+        self.table = SessionsTable()
+        self.found_label = selectable(name=self.tr("What was found"))
+        self.reprocessing = ReprocessingPanel()
         self._job: Job | None = None
         self._lay_out()
         self._wire()
@@ -46,7 +48,7 @@ class SessionsTab(QWidget):
     def look(self) -> None:
         """List the sessions of the folder."""
         folder = Path(self.folder_edit.text())
-        self._begin(lambda *_: summarise_all(sorted(folder.glob("*.h5"))))
+        self._begin(lambda *_: files_of(folder))
 
     def verify(self) -> None:
         """Check every frame of the session that is selected."""
@@ -54,23 +56,27 @@ class SessionsTab(QWidget):
         if path is not None:
             self._begin(lambda *_: examination(path))
 
+    def calibrate(self, session: Path) -> None:
+        """Calibrate a session, be it in the list or not."""
+        self.reprocessing.calibrate(session)
+
     @property
     def selected(self) -> Path | None:
         """The session that is selected."""
-        item = self.table.item(self.table.currentRow(), COLUMNS.index("File"))
-        return None if item is None else Path(item.text())
+        return self.table.path
 
     def close_job(self) -> None:
-        """Wait for the look that is under way."""
+        """Wait for the look that is under way, and end the command that runs."""
         if self._job is not None:
             self._job.wait()
+        self.reprocessing.close_command()
 
-    def _begin(self, work: Any) -> None:
+    def _begin(self, work: Work) -> None:
         if self._job is not None:
             return
         self._job = Job(work, self)
         self._job.succeeded.connect(self._show)
-        self._job.failed.connect(self.found_label.setText)
+        self._job.failed.connect(self._fail)
         self._job.finished.connect(self._end)
         self._enable()
         self._job.start()
@@ -79,51 +85,88 @@ class SessionsTab(QWidget):
         self._job = None
         self._enable()
 
-    def _show(self, found: list[dict[str, Any]] | Examination) -> None:
+    def _fail(self, why: str) -> None:
+        self.found_label.setText(why)
+        self.failed.emit(why)
+
+    def _show(self, found: Files | Examination) -> None:
         if isinstance(found, Examination):
-            problems = [str(problem) for problem in found.problems] or ["every check passed"]
-            verdict = f"{found.path}: {len(found.good)} of {found.n_poses} poses are good"
-            self.found_label.setText("\n".join([verdict, *problems]))
+            problems = [str(problem) for problem in found.problems] or [self.tr("every check passed")]
+            verdict = self.tr("{path}: {good} of {all} poses are good")
+            text = verdict.format(path=found.path, good=len(found.good), all=found.n_poses)
+            self.found_label.setText("\n".join([text, *problems]))
             return
-        self.table.setRowCount(len(found))
-        for i_row, row in enumerate(found):
-            for i_column, text in enumerate(_cells(row)):
-                self.table.setItem(i_row, i_column, QTableWidgetItem(text))
-        self.table.resizeColumnsToContents()
+        self.table.show_files(found.rows, found.pictures)
+        nothing = self.tr("There is no HDF5 file (*.h5) in this folder.")
+        self.found_label.setText("" if found.rows else nothing)
 
     def _wire(self) -> None:
+        self.folder_field.dialog.setFileMode(QFileDialog.FileMode.Directory)
+        self.folder_field.dialog.fileSelected.connect(self.look)
         self.look_button.clicked.connect(self.look)
         self.folder_edit.returnPressed.connect(self.look)
         self.verify_button.clicked.connect(self.verify)
-        self.table.itemSelectionChanged.connect(self._enable)
         self.use_button.clicked.connect(self._choose)
+        self.show_button.clicked.connect(self._show_selected)
+        self.table.itemSelectionChanged.connect(self._enable)
+        self.table.cellActivated.connect(self._show_selected)
+        panel = self.reprocessing
+        panel.line.connect(self.line)
+        panel.failed.connect(self.failed)
+        panel.calibrated.connect(self.calibration_asked)
+        panel.reconstructed.connect(self.result_asked)
+        panel.ended.connect(self.look)
 
     def _choose(self) -> None:
         if self.selected is not None:
             self.chosen.emit(self.selected)
 
+    def _show_selected(self) -> None:
+        if self.selected is not None:
+            is_result = self.selected.name.endswith(beside.RESULT)
+            (self.result_asked if is_result else self.calibration_asked).emit(self.selected)
+
     def _enable(self) -> None:
         self.look_button.setEnabled(self._job is None)
-        for button in (self.verify_button, self.use_button):
+        for button in (self.verify_button, self.use_button, self.show_button):
             button.setEnabled(self._job is None and self.selected is not None)
+        self.reprocessing.take(self.selected)
 
     def _lay_out(self) -> None:
-        self.table.setHorizontalHeaderLabels(COLUMNS)
-        self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-        self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.found_label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.found_label.setTextFormat(Qt.TextFormat.PlainText)
+        label = QLabel(self.tr("&Folder"))
+        label.setBuddy(self.folder_edit)
         row = QHBoxLayout()
-        row.addWidget(self.folder_edit, stretch=1)
-        for button in (self.look_button, self.verify_button, self.use_button):
-            row.addWidget(button)
+        row.addWidget(label)
+        row.addWidget(self.folder_field, stretch=1)
+        row.addWidget(self.look_button)
+        acts = QHBoxLayout()
+        for button in (self.verify_button, self.use_button, self.show_button):
+            acts.addWidget(button)
+        acts.addStretch()
         column = QVBoxLayout(self)
         column.addLayout(row)
         column.addWidget(self.table, stretch=1)
+        column.addLayout(acts)
         column.addWidget(self.found_label)
+        column.addWidget(self.reprocessing)
 
 
-def _cells(row: dict[str, Any]) -> tuple[str, ...]:
-    if "problems" in row:
-        return row["state"], "", row["path"], row["problems"][0][1]
-    return row["state"], f"{row['n_complete']} of {row['n_poses']}", row["path"], row["title"]
+class Files(NamedTuple):
+    """What was found in a folder: a row a file, and pictures of those that have one."""
+
+    rows: list[dict[str, Any]]
+    pictures: Pictures
+
+
+def files_of(folder: Path) -> Files:
+    """Look at every HDF5 file of a folder; runs in any thread.
+
+    Raises
+    ------
+    NotADirectoryError
+        If there is no such folder.
+    """
+    if not folder.is_dir():
+        raise NotADirectoryError(f"{folder} is no folder; choose the one that the sessions are in")
+    rows = summarise_all(sorted(folder.glob("*.h5")))
+    return Files(rows, thumbnails_of([Path(row["path"]) for row in rows if "problems" not in row]))

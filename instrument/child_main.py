@@ -12,11 +12,17 @@ from typing import Any
 from instrument.examination import examine
 from instrument.look import look
 from instrument.summary import summaries
+from instrument.thumbnail import thumbnails
 
 MEMORY_BYTES = 4 * 2**30
 """Address space of the child: four times the largest chunk that is read."""
 
-TASKS: dict[str, Callable[..., Iterator[dict[str, Any]]]] = {"look": look, "summaries": summaries, "examine": examine}
+TASKS: dict[str, Callable[..., Iterator[dict[str, Any]]]] = {
+    "look": look,
+    "summaries": summaries,
+    "thumbnails": thumbnails,
+    "examine": examine,
+}
 
 
 def main(step_seconds: str, task: str, *arguments: str) -> None:

@@ -12,7 +12,9 @@ from typing import Any
 import pytest
 
 from tests.checks import page as checks_page
+from tests.checks.page import Measurement
 from tests.faults import page as faults_page
+from tests.faults.page import Row
 
 
 class PageWriter:
@@ -22,10 +24,11 @@ class PageWriter:
         self,
         path: Path,
         kind: str,
+        row: Callable[..., Any],
         missing: Callable[[Sequence[Any]], list[int]],
         page: Callable[[Sequence[Any]], str],
     ) -> None:
-        self.path, self.kind, self._missing, self._page = path, kind, missing, page
+        self.path, self.kind, self._row, self._missing, self._page = path, kind, row, missing, page
         self.measured: list[Any] = []
         self.failed: list[str] = []
         self.outcome = ""
@@ -34,7 +37,7 @@ class PageWriter:
         if report.failed or report.skipped:
             self.failed.append(report.nodeid)
         if report.when == "call":
-            self.measured += [value for name, value in report.user_properties if name == self.kind]
+            self.measured += [self._row(*value) for name, value in report.user_properties if name == self.kind]
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
         if report.failed:
@@ -61,6 +64,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    for option, kind, about in (("checks", "check", checks_page), ("faults", "fault", faults_page)):
+    # Of several processes only the one that hears of all tests writes.
+    if hasattr(config, "workerinput"):
+        return
+    kinds = (("checks", "check", Measurement, checks_page), ("faults", "fault", Row, faults_page))
+    for option, kind, row, about in kinds:
         if path := config.getoption(option):
-            config.pluginmanager.register(PageWriter(path, kind, about.missing, about.page), f"{option} page")
+            config.pluginmanager.register(PageWriter(path, kind, row, about.missing, about.page), f"{option} page")

@@ -13,9 +13,9 @@ from analysis.calibration_checks import calibration_checks
 from analysis.calibration_figures import calibration_figures
 from analysis.calibration_parameters import Parameter
 from analysis.calibration_report import CalibrationReport, write_calibration_page
-from analysis.corner_figures import by_region, exaggeration
 from analysis.error_budget import ErrorBudget
 from analysis.exposure_ratios import ExposureRatios
+from analysis.residual_arrows import by_region, exaggeration
 from analysis.response import srgb_response
 from cli.calibration import checks_text
 from tests.analysis.calibrations import calibration, camera, facts, radiometry

@@ -10,6 +10,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
+from analysis.point_samples import USES
 from analysis.stack_file import read_stack, write_stack
 from cli.main import main
 from tests.synthetic import make_stack
@@ -80,9 +81,29 @@ def test_the_report_is_one_page_that_needs_nothing_beside_it(folder: Path) -> No
     assert "Plane and bowl in the depth" in page
 
 
+def test_point_prints_the_samples_of_a_pixel_beside_its_curve(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("point", folder / "area.result.h5", "3", "5", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["row"], found["column"]) == (3, 5)
+    f, theta_h = np.array(found["samples"]["f"], float), np.array(found["samples"]["theta_h_rad"])
+    assert f.shape == (30, 3)
+    curve = np.array(found["curve"]["f"])
+    fitted = np.stack([np.interp(theta_h, found["curve"]["theta_h_rad"], c) for c in curve.T], axis=1)
+    used = np.array(found["samples"]["use"]) == "used"
+    assert used.mean() > 0.8
+    assert np.abs((f / fitted - 1.0)[used]).mean() < 0.05
+    assert run("point", folder / "area.result.h5", "3", "5") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("row 3, column 5: seen from ")
+    assert len([line for line in lines if line.endswith(tuple(USES))]) == 90
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (("point", "R", "99", "5"), "rows are 0 to 23"),
+        (("point", "R", "3", "5", "--stack", "nowhere.stack.h5"), "is not there; put area.stack.h5"),
+        (("point", "R", "3", "5", "--stack", "R"), "is not the file that area.result.h5 came from"),
         (("render", "R", "--camera", "0,0", "--light", "0,0,9", "-o", "x.npy"), "--camera: is '0,0'; must be X,Y,Z"),
         (("render", "R", "--camera", "0,0,-5", "--light", "0,0,9", "-o", "x.npy"), "with Z above the sample"),
         (("render", "R", "--camera", "0,0,5", "--light", "0,0,9", "-o", "x.bmp"), "pictures are written as .exr"),
@@ -127,7 +148,8 @@ def test_the_dictionaries_can_be_listed_and_looked_at(capsys: pytest.CaptureFixt
 
 
 @pytest.mark.parametrize(
-    "command", ["demo", "calibrate", "reconstruct", "render", "report", "import", "dictionary", "plan", "console"]
+    "command",
+    ["demo", "calibrate", "reconstruct", "render", "report", "point", "import", "dictionary", "plan", "console"],
 )
 def test_every_command_has_help_with_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(command, "--help") == 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
+
 import pytest
 
 from tests.faults.page import Row
@@ -21,7 +23,8 @@ class FaultRecord:
         name = getattr(self._node, "originalname", self._node.name)
         light = "-" if light_seconds is None else f"{light_seconds:.2f}"
         row = Row(number or self.number, injected, happened, light, file, name)
-        self._node.user_properties.append(("fault", row))
+        # As plain values: they may come from another process.
+        self._node.user_properties.append(("fault", astuple(row)))
 
 
 @pytest.fixture
