@@ -15,6 +15,7 @@ from protocols.engine import Control, Finish, Progress, capture, resume
 from protocols.nominal_geometry import lens_and_light
 from protocols.planned_poses import PlannedPoses
 from protocols.progress import News, PoseBegun, PoseTaken
+from protocols.session_rig import planned_poses_of
 from protocols.thumbnails import WIDEST, thumbnails
 from tests.protocols.fakes import BLACK, HEIGHT, SATURATION, WIDTH, FakeBench, protocol_config, rig_config
 
@@ -57,6 +58,17 @@ def test_the_preview_that_is_told_is_the_one_that_the_session_keeps(session: tup
             np.testing.assert_array_equal(entry.clipped, kept.saturated_fraction[entry.i_pose])
             np.testing.assert_array_equal(entry.exposure_times, kept.exposure_times)
             assert entry.preview.picture.max() <= entry.preview.ceiling
+
+
+def test_a_session_says_the_same_of_its_poses_as_the_rig_did(session: tuple[Path, list[News]]) -> None:
+    path, (told, *_) = session
+    assert isinstance(told, PlannedPoses)
+    with Session(path) as kept:
+        read = planned_poses_of(kept)
+    assert (read.axes, read.positions) == (told.axes, told.positions)
+    assert read.rig.model_dump() == told.rig.model_dump()
+    assert (read.height, read.width, read.complete) == (told.height, told.width, {0, 1})
+    np.testing.assert_array_equal(read.views.rotation, told.views.rotation)
 
 
 def interrupted_after(n_poses: int, path: Path) -> None:
