@@ -5,7 +5,10 @@ NO_GUI = $$($(BIN)/python -c 'import PySide6.QtWidgets' 2>/dev/null || \
 	{ echo "tests: left out tests/gui, Qt's system libraries are missing (see make setup)" >&2; \
 	echo "-p no:pytest-qt --ignore=tests/gui"; })
 
-.PHONY: help setup demo test checks faults soak lint format constraints clean
+# A file of tests to each of two processes at a time: what tests of a file share is made once.
+TWO = -n 2 --dist loadfile
+
+.PHONY: help setup demo test checks faults soak screenshots lint format constraints clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
@@ -18,7 +21,7 @@ demo: setup ## simulated rig to scored report, into demo/
 
 test: export QT_QPA_PLATFORM = offscreen
 test: setup ## the test suite without the longer campaigns
-	$(BIN)/pytest -q -m "not slow" $(NO_GUI)
+	$(BIN)/pytest -q $(TWO) -m "not slow" $(NO_GUI)
 
 checks: setup ## the acceptance checks; writes docs/checks.md when all pass
 	$(BIN)/pytest -q -m check --checks=docs/checks.md $(NO_GUI)
@@ -30,6 +33,9 @@ soak: export QT_QPA_PLATFORM = offscreen
 soak: setup ## the longer campaigns
 	@# Exit code 5: no such test is collected, which is no failure here.
 	$(BIN)/pytest -q -m slow $(NO_GUI) || [ $$? -eq 5 ]
+
+screenshots: setup ## pictures of every tab of the console, light and dark, into docs/images/console
+	PYTHONPATH=. $(BIN)/python scripts/screenshots.py
 
 lint: setup ## ruff, mypy, the import contracts, and no machine's name in the files
 	$(BIN)/ruff check .

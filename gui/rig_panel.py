@@ -41,15 +41,20 @@ class RigPanel(QWidget):
         devices: tuple[Description, ...] = (rig.camera, rig.light, rig.stage)
         for kind, device in zip(KINDS, devices, strict=True):
             heading = f"{self.tr(KINDS[kind])}  {self.tr('connected')}"
-            self.labels[kind].setText("\n".join([heading, *_lines(device)]))
+            self.labels[kind].setText("\n".join([heading, *self._lines(device)]))
 
-
-def _lines(device: Description) -> list[str]:
-    lines = [f"{device.make} {device.model}".strip(), f"serial number {device.serial_number}"]
-    if device.firmware:
-        lines.append(f"firmware {device.firmware}")
-    if isinstance(device, CameraDescription):
-        lines.append(f"{device.width} x {device.height}, {device.bit_depth} bits")
-    if isinstance(device, StageDescription):
-        lines += [f"{a.name} {a.soft_limits.low:g} to {a.soft_limits.high:g} {a.soft_limits.unit}" for a in device.axes]
-    return [*lines, *map(str, device.settings)]
+    def _lines(self, device: Description) -> list[str]:
+        lines = [f"{device.make} {device.model}".strip()]
+        lines.append(self.tr("serial number {number}").format(number=device.serial_number))
+        if device.firmware:
+            lines.append(self.tr("firmware {version}").format(version=device.firmware))
+        if isinstance(device, CameraDescription):
+            size = self.tr("{width} x {height} pixels, {depth} bits")
+            lines.append(size.format(width=device.width, height=device.height, depth=device.bit_depth))
+        if isinstance(device, StageDescription):
+            reach = self.tr("{axis} {low:g} to {high:g} {unit}")
+            lines += [
+                reach.format(axis=a.name, low=a.soft_limits.low, high=a.soft_limits.high, unit=a.soft_limits.unit)
+                for a in device.axes
+            ]
+        return [*lines, *map(str, device.settings)]

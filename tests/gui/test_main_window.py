@@ -317,7 +317,7 @@ def test_every_device_is_shown_with_its_serial_number_and_what_it_allows(window:
     texts = {kind: label.text() for kind, label in window.rig_panel.labels.items()}
     assert all(text.startswith(f"{kind.upper()}  connected") for kind, text in texts.items())
     assert all("serial number sim-5" in text for text in texts.values())
-    assert "160 x 120, 12 bits" in texts["camera"]
+    assert "160 x 120 pixels, 12 bits" in texts["camera"]
     assert "tilt -" in texts["stage"]
 
 
