@@ -33,7 +33,7 @@ TITLES = {
     "normal sigma": QT_TRANSLATE_NOOP("ResultTab", "Sigma of the normals"),
     "depth sigma": QT_TRANSLATE_NOOP("ResultTab", "Sigma of the depth"),
     "residual": QT_TRANSLATE_NOOP("ResultTab", "Residual"),
-    RELIT: QT_TRANSLATE_NOOP("ResultTab", "Relit (drag the light, or arrow keys)"),
+    RELIT: QT_TRANSLATE_NOOP("ResultTab", "Relit by a light to be dragged"),
 }
 """What the operator reads, by the names of `analysis.result_maps.MAPS`."""
 

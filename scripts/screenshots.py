@@ -27,7 +27,7 @@ ROOT = Path(__file__).parents[1]
 PICTURES = ROOT / "docs" / "images" / "console"
 RIG, PROTOCOL = ROOT / "examples" / "simulated.toml", ROOT / "examples" / "quick_sweep.toml"
 SIZE = (1360, 860)
-N_COLOURS = 96
+N_COLOURS = 256
 THEMES = {"light": Theme.LIGHT, "dark": Theme.DARK}
 _PATIENCE_S = 300.0
 
@@ -116,7 +116,10 @@ def offline(window: MainWindow, folder: Path) -> Iterator[str]:
     result.picture.set_cursor(rows // 3, columns // 3)
     result.pick(rows // 3, columns // 3)
     yield "result"
+    drawn: list[object] = []
+    result.drawing.done.connect(drawn.append)
     result.choose_map("relit")
+    wait(lambda: bool(drawn))
     yield "relit"
 
 
