@@ -31,12 +31,15 @@ class Wanted(NamedTuple):
         Those to show.
     region : Region or None
         What histogram and numbers are of.
+    step : int
+        So many pixels in each direction become one of the picture: no screen shows more than it has.
     """
 
     low: float
     high: float
     marks: frozenset[int] = frozenset((CLIPPED,))
     region: Region | None = None
+    step: int = 1
 
 
 @dataclass(frozen=True)
@@ -46,23 +49,26 @@ class Look:
     Attributes
     ----------
     counts : ndarray of uint16, shape (H, W)
-    image : ndarray of uint8, shape (H, W)
+    image : ndarray of uint8, shape (H // step, W // step)
         Brightness up to `BRIGHTEST`, marks above it.
     facts : FrameFacts
+    step : int
+        As it was wanted.
     """
 
     counts: Counts
     image: NDArray[np.uint8]
     facts: FrameFacts
+    step: int
 
 
 def look_at(asked: tuple[Counts, CameraDescription, Wanted]) -> Look:
     """Look at a frame of raw counts; for a worker."""
     counts, camera, wanted = asked
     facts = frame_facts(counts, camera, wanted.region)
-    image = _brightness(counts, wanted.low, wanted.high)
-    _mark(image, facts.marks, wanted.marks)
-    return Look(counts, image, facts)
+    image = _brightness(_means(counts, wanted.step), wanted.low, wanted.high)
+    cv2.max(image, _largest(_coded(facts.marks, wanted.marks), wanted.step), dst=image)
+    return Look(counts, image, facts, wanted.step)
 
 
 def colour_table() -> NDArray[np.uint8]:
@@ -74,6 +80,24 @@ def colour_table() -> NDArray[np.uint8]:
     return table
 
 
+def _means(counts: Counts, step: int) -> Counts:
+    """Return means of blocks, in which no mosaic makes patterns with the dots of the screen."""
+    if step == 1:
+        return counts
+    height, width = (n // step for n in counts.shape)
+    whole = counts[: height * step, : width * step]
+    return np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA), np.uint16)
+
+
+def _largest(coded: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
+    """Return the largest of each block: a single pixel that clips is seen however small the picture is."""
+    if step == 1:
+        return coded
+    height, width = (n // step for n in coded.shape)
+    largest = cv2.dilate(coded, np.ones((step, step), np.uint8), anchor=(0, 0))
+    return np.ascontiguousarray(largest[: height * step : step, : width * step : step], np.uint8)
+
+
 def _brightness(counts: Counts, low: float, high: float) -> NDArray[np.uint8]:
     # Counts are cut at both ends before they are scaled: the conversion turns negative values round.
     scale = BRIGHTEST / max(high - low, 1.0)
@@ -81,7 +105,8 @@ def _brightness(counts: Counts, low: float, high: float) -> NDArray[np.uint8]:
     return np.minimum(cv2.convertScaleAbs(above, alpha=scale), np.uint8(BRIGHTEST)).astype(np.uint8, copy=False)
 
 
-def _mark(image: NDArray[np.uint8], marks: NDArray[np.uint8], wanted: Collection[int]) -> None:
+def _coded(marks: NDArray[np.uint8], wanted: Collection[int]) -> NDArray[np.uint8]:
+    """Return the values of the picture for the marks that are wanted, 0 elsewhere."""
     table = np.zeros(256, np.uint8)
     table[list(wanted)] = [BRIGHTEST + mark for mark in wanted]
-    cv2.max(image, cv2.LUT(marks, table), dst=image)
+    return np.asarray(cv2.LUT(marks, table), np.uint8)

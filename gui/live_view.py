@@ -23,6 +23,7 @@ MARK_TEXTS = {
     BLACK: QT_TRANSLATE_NOOP("LiveView", "&Black"),
     SHARP: QT_TRANSLATE_NOOP("LiveView", "In &focus"),
 }
+_STEPS = (1, 2, 4, 8)
 _TOOL_PEN = pg.mkPen(OKABE_ITO["purple"], width=2)
 
 
@@ -82,7 +83,7 @@ class LiveView(QWidget):
         """What the switches and tools ask for."""
         marks = frozenset(mark for mark, switch in self.switches.items() if switch.isChecked())
         low, high = self.histogram.window_counts
-        return Wanted(low, high, marks, self._region() if self.region_switch.isChecked() else None)
+        return Wanted(low, high, marks, self._region() if self.region_switch.isChecked() else None, self._step())
 
     def close_workers(self) -> None:
         """Join the threads."""
@@ -93,7 +94,7 @@ class LiveView(QWidget):
         """Show one frame that was looked at."""
         self._look = look
         facts = look.facts
-        self.picture.show_image(look.image, self._table)
+        self.picture.show_image(look.image, self._table, look.step, look.counts.shape)
         self.histogram.show_facts(facts)
         self._show_profile()
         self.facts_label.setText(
@@ -112,6 +113,9 @@ class LiveView(QWidget):
             ends = [self.line.mapToParent(end.pos()) for end in self.line.endpoints]
             start, end = ((end.y(), end.x()) for end in ends)
             self.profile.show_profile(self._look.counts, self._camera.bayer_pattern, (start, end))
+
+    def _step(self) -> int:
+        return next((step for step in _STEPS if self.picture.pixels_per_dot <= step), _STEPS[-1])
 
     def _region(self) -> Region:
         shape = QRectF(self.region.pos(), self.region.pos() + self.region.size())
@@ -145,6 +149,7 @@ class LiveView(QWidget):
         self.board_switch.toggled.connect(lambda on: self.boards.switch_to(on=on))
         self.histogram.window_changed.connect(lambda *_: self._look_again())
         self.picture.pointed.connect(self._show_cursor)
+        self.picture.box.sigRangeChanged.connect(lambda *_: self._look_again())
 
     def _lay_out(self) -> None:
         for tool in (self.region, self.line):

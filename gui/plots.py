@@ -90,7 +90,19 @@ class Picture(pg.GraphicsView):  # type: ignore[misc]  # as above
         """Height and width of what is shown."""
         return self._size
 
-    def show_image(self, image: NDArray[np.uint8], table: NDArray[np.uint8] | None = None) -> None:
+    @property
+    def pixels_per_dot(self) -> float:
+        """How many pixels of the picture fall on one dot of the screen, in each direction."""
+        width, _ = self.box.viewPixelSize()
+        return float(width / self.devicePixelRatioF())
+
+    def show_image(
+        self,
+        image: NDArray[np.uint8],
+        table: NDArray[np.uint8] | None = None,
+        step: int = 1,
+        size: tuple[int, int] | None = None,
+    ) -> None:
         """Show a picture, shape (H, W) or (H, W, 3); one of another size than before is shown whole.
 
         Parameters
@@ -98,10 +110,16 @@ class Picture(pg.GraphicsView):  # type: ignore[misc]  # as above
         image : ndarray of uint8
         table : ndarray of uint8, shape (256, 3) or (256, 4), optional
             Colours of the values of a picture of shape (H, W); grey by default.
+        step : int, optional
+            Each of its pixels stands for so many of the picture, in each direction.
+        size : tuple of int, optional
+            Height and width of the picture; by default `step` times those of `image`.
         """
+        height, width = (step * n for n in image.shape[:2])
         self.item.setImage(image, autoLevels=False, lut=table, levels=(0, 255))
-        if image.shape[:2] != self._size:
-            self.fit(*image.shape[:2])
+        self.item.setRect(0, 0, width, height)
+        if (size or (height, width)) != self._size:
+            self.fit(*(size or (height, width)))
 
     def fit(self, height: int, width: int) -> None:
         """Show the whole of a picture of that size."""

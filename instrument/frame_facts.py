@@ -13,8 +13,8 @@ from drivers.camera import CameraDescription
 
 Counts = NDArray[np.uint16]
 
-CLIPPED, BLACK, SHARP = 1, 2, 3
-"""Values of `FrameFacts.marks`; 0 = nothing to say."""
+SHARP, BLACK, CLIPPED = 1, 2, 3
+"""Values of `FrameFacts.marks`, in the order of their weight; 0 = nothing to say."""
 
 N_BINS = 256
 SHARP_NOISES = 6.0

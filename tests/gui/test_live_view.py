@@ -100,6 +100,44 @@ def test_the_picture_stands_as_the_camera_sees_it(view: LiveView):
     assert bright == [True, False, False, False]
 
 
+def test_one_clipped_pixel_is_seen_in_a_picture_that_is_too_large_for_the_screen(view: LiveView):
+    counts = even()
+    counts[61, 83] = SATURATION
+    look = look_at((counts, CAMERA, view.wanted._replace(step=4)))
+    assert look.image.shape == (30, 40)
+    assert np.argwhere(look.image == BRIGHTEST + CLIPPED).tolist() == [[15, 20]]
+    view.show_look(look)
+    assert view.picture.size_in_pixels == (HEIGHT, WIDTH)
+    view.picture.set_cursor(61, 83)
+    assert view.cursor_label.text() == "row 61, column 83: 4095 counts"
+
+
+def test_a_mosaic_of_an_even_colour_is_an_even_picture_where_pixels_are_smaller_than_dots(view: LiveView):
+    counts = even()
+    counts[::2, ::2], counts[1::2, 1::2] = 3000, 200
+    look = look_at((counts, CAMERA, view.wanted._replace(step=2)))
+    assert len(np.unique(look.image)) == 1
+
+
+def test_pixels_are_put_together_only_where_the_screen_has_too_few_dots(view: LiveView, qtbot: QtBot):
+    show(view, even())
+    assert view.wanted.step == 1
+    view.expect(replace(CAMERA, height=4 * HEIGHT, width=16 * WIDTH))
+    assert view.wanted.step == 4
+    assert view.picture.pixels_per_dot == pytest.approx(16 * WIDTH / view.picture.width(), rel=0.1)
+
+
+def test_the_zoom_stays_as_it_is_from_frame_to_frame_whatever_the_size(view: LiveView):
+    odd = replace(CAMERA, height=HEIGHT + 1, width=WIDTH + 3)
+    counts = np.full((HEIGHT + 1, WIDTH + 3), 1000, np.uint16)
+    view.expect(odd)
+    view.picture.box.scaleBy((0.5, 0.5))
+    seen = view.picture.box.viewRect()
+    for step in (1, 2, 4, 8):
+        view.show_look(look_at((counts, odd, view.wanted._replace(step=step))))
+        assert view.picture.box.viewRect() == seen
+
+
 def test_a_region_tells_of_its_pixels_alone(view: LiveView, qtbot: QtBot):
     counts = even()
     counts[20:40, 30:60] = 3000
