@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from typing import Any
 
 from PySide6.QtCore import QObject, QTranslator
 
@@ -29,9 +30,10 @@ class SourceTranslator(QTranslator):
         """Tell Qt whether there is anything to ask for."""
         return not self._texts
 
-    def translate(self, context: str, sourceText: str, disambiguation: str | None = None, n: int = -1) -> str:
-        """Return a text in the other language, empty where it has none; Qt calls this."""
-        return self._texts.get((context, sourceText), "")
+    def translate(self, context: str, sourceText: str, disambiguation: str | None = None, n: int = -1) -> Any:
+        """Return a text in the other language, None where it has none; Qt calls this."""
+        # To Qt an empty text is a translation too, and the word would vanish.
+        return self._texts.get((context, sourceText))
 
 
 def read_translation(path: Path) -> dict[tuple[str, str], str]:

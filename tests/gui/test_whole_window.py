@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Iterator
+from typing import Any
 
 import click
 import pytest
@@ -240,9 +241,9 @@ class Brackets(QTranslator):
     def isEmpty(self) -> bool:  # noqa: N802
         return False
 
-    def translate(self, context: str, sourceText: str, disambiguation: str | None = None, n: int = -1) -> str:
+    def translate(self, context: str, sourceText: str, disambiguation: str | None = None, n: int = -1) -> Any:
         # Qt's own dialogs speak their language by Qt's own files.
-        return f"⟦{sourceText}⟧" if context in our_contexts() else ""
+        return f"⟦{sourceText}⟧" if context in our_contexts() else None
 
 
 def our_contexts() -> set[str]:
