@@ -8,7 +8,7 @@ from typing import Any
 import click
 import pytest
 from PySide6.QtCore import QCoreApplication, QDir, Qt, QTranslator
-from PySide6.QtGui import QAction, QKeySequence
+from PySide6.QtGui import QKeySequence
 from PySide6.QtWidgets import (
     QAbstractButton,
     QAbstractSpinBox,
@@ -274,7 +274,8 @@ def texts_of(window: MainWindow) -> Iterator[str]:
         if isinstance(widget, QTableView) and widget.model() is not None:
             n_columns = widget.model().columnCount()
             yield from (str(widget.model().headerData(i, Qt.Orientation.Horizontal)) for i in range(n_columns))
-    yield from (action.text() for action in window.findChildren(QAction) if action.text())
+    menus = [window.menuBar(), *window.menuBar().findChildren(QMenu)]
+    yield from (action.text() for menu in menus for action in menu.actions())
 
 
 def is_translated(text: str) -> bool:
