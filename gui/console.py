@@ -53,14 +53,14 @@ def remember(window: MainWindow, remembered: Remembered) -> None:
         remembered.keep("window", window.saveGeometry())
         remembered.write()
 
-    window.choose_theme(remembered.theme())
+    window.menus.choose_theme(remembered.theme())
     for name, edit in edits.items():
         edit.setText(remembered.text(name, edit.text()))
     for name, splitter in layouts.items():
         splitter.restoreState(remembered.layout(name))
     # One that was on a screen that is gone comes back on one that is there: Qt sees to that.
     window.restoreGeometry(remembered.layout("window"))
-    window.theme_chosen.connect(lambda theme: remembered.keep("theme", theme.name))
+    window.menus.theme_chosen.connect(lambda theme: remembered.keep("theme", theme.name))
     window.closed.connect(keep)
 
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import logging
 
-from PySide6.QtCore import QCoreApplication, Qt, QTimer, Signal
-from PySide6.QtGui import QAction, QActionGroup, QCloseEvent
+from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtGui import QCloseEvent
 from PySide6.QtWidgets import (
-    QApplication,
     QFrame,
     QMainWindow,
     QScrollArea,
@@ -20,7 +19,7 @@ from PySide6.QtWidgets import (
 from drivers.camera import Frame
 from drivers.registry import open_devices
 from gui.acquisition import Acquisition, Introduction
-from gui.actions import CONTEXT, MENUS, ActionButton
+from gui.actions import ActionButton
 from gui.banner import Banner
 from gui.calibration_tab import CalibrationTab
 from gui.capture_model import CaptureModel
@@ -28,6 +27,7 @@ from gui.light_sign import SIGNS, LightLabel, LightSign
 from gui.live_controls import LiveControls
 from gui.live_view import LiveView
 from gui.log_panel import LogPanel, LogRelay
+from gui.menu_bar import MenuBar
 from gui.protocol_panel import ProtocolPanel
 from gui.quick_look import QuickLookTab
 from gui.result_tab import ResultTab
@@ -36,7 +36,6 @@ from gui.rig_use import RigUse
 from gui.seen_poses import SeenPoses
 from gui.sessions_tab import SessionsTab
 from gui.stop import EscapeTwice, StopButton
-from gui.theme import Theme, apply_theme
 from instrument.config import RigConfig
 from instrument.rig import OpenDevices
 from protocols.dry_run import Outlook
@@ -57,7 +56,6 @@ class MainWindow(QMainWindow):
         Makes the devices of `config`.
     """
 
-    theme_chosen = Signal(object)  # Theme
     closed = Signal()
 
     def __init__(self, config: RigConfig, devices: OpenDevices = open_devices) -> None:
@@ -84,7 +82,8 @@ class MainWindow(QMainWindow):
         # A stop can fall just before an exposure: it is repeated until the light is known to be off.
         self._until_dark = QTimer(self, interval=_UNTIL_DARK_MS)
         self._lay_out()
-        self._fill_menus()
+        self.menus = MenuBar(self.findChildren(ActionButton), self)
+        self.setMenuBar(self.menus)
         self._wire_rig()
         self._wire_capture()
         self._wire_files()
@@ -256,26 +255,6 @@ class MainWindow(QMainWindow):
         column.addWidget(_scrolling(devices), stretch=1)
         column.addWidget(self.stop_button)
         return left
-
-    def _fill_menus(self) -> None:
-        buttons = self.findChildren(ActionButton)
-        for name, title in MENUS.items():
-            menu = self.menuBar().addMenu(QCoreApplication.translate(CONTEXT, title))
-            menu.addActions([button.menu_action for button in buttons if button.info.menu == name])
-        view = self.menuBar().addMenu(self.tr("&View"))
-        self.theme_actions = QActionGroup(self)
-        for theme in Theme:
-            action = QAction(QCoreApplication.translate("Theme", theme.value), self.theme_actions, checkable=True)
-            action.triggered.connect(lambda _, theme=theme: self.choose_theme(theme))
-            view.addAction(action)
-
-    def choose_theme(self, theme: Theme) -> None:
-        """Give the program the colours of a theme."""
-        self.theme_actions.actions()[list(Theme).index(theme)].setChecked(True)
-        application = QApplication.instance()
-        if isinstance(application, QApplication):
-            apply_theme(application, theme)
-        self.theme_chosen.emit(theme)
 
 
 def _scrolling(widget: QWidget) -> QScrollArea:

@@ -36,7 +36,7 @@ def test_a_window_opens_with_what_the_last_one_had(file: Path, window: MainWindo
     window.resize(777, 555)
     window.show()
     window.protocol_panel.protocol_edit.setText("sweep.toml")
-    window.choose_theme(Theme.DARK)
+    window.menus.choose_theme(Theme.DARK)
     window.columns.setSizes([200, 377, 200])
     sizes = window.columns.sizes()
     window.close()
@@ -44,7 +44,7 @@ def test_a_window_opens_with_what_the_last_one_had(file: Path, window: MainWindo
     remember(other, memory(file))
     other.show()
     assert other.protocol_panel.protocol_edit.text() == "sweep.toml"
-    assert other.theme_actions.checkedAction().text() == "D&ark"
+    assert other.menus.theme is Theme.DARK
     assert (other.width(), other.height()) == (777, 555)
     assert other.columns.sizes() == pytest.approx(sizes, abs=2)
     other.close()
@@ -67,7 +67,7 @@ def test_a_damaged_memory_never_keeps_the_window_from_opening(file: Path, window
     window.show()
     assert window.isVisible()
     assert window.width() > 100
-    assert window.theme_actions.checkedAction().text() == "As the &desktop"
+    assert window.menus.theme is Theme.SYSTEM
 
 
 def test_a_memory_that_cannot_be_written_is_a_line_in_the_log(
