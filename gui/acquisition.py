@@ -41,7 +41,8 @@ class Introduction(NamedTuple):
 class Acquisition(QThread):
     """Opens a rig, and exposes each time the window says that it has shown the last frame.
 
-    A window that hangs asks for no frame, and the light goes out. Its methods may be called from any thread.
+    A window that hangs asks for no frame: the light goes out, and on again when the window asks. Its methods may be
+    called from any thread.
 
     Parameters
     ----------
@@ -57,6 +58,7 @@ class Acquisition(QThread):
     frame_arrived = Signal(object)  # Frame; the next one waits for `go_on`
     exposure_time_read = Signal(float)  # seconds, as the camera reads back
     light_changed = Signal(object)  # LightSign
+    warned = Signal(str)  # what the operator should know though it goes on
     failed = Signal(str)  # what ended the acquisition
 
     def __init__(self, config: RigConfig, devices: OpenDevices = open_devices, parent: QObject | None = None) -> None:
@@ -125,7 +127,7 @@ class Acquisition(QThread):
         try:
             self._go_dark(rig)
             self._introduce(rig)
-            while (order := self._next_order()) is not None:
+            while (order := self._next_order(rig)) is not None:
                 order(rig)
         finally:
             self._go_dark(rig)
@@ -136,12 +138,13 @@ class Acquisition(QThread):
         self._set_exposure_time(rig, min(max(self._exposure_time, limits.low), limits.high))
         self.opened.emit(Introduction(description, rig.light.describe(), rig.stage.describe()))
 
-    def _next_order(self) -> Callable[[Rig], None] | None:
+    def _next_order(self, rig: Rig) -> Callable[[Rig], None] | None:
         try:
             return self._orders.get(timeout=LEASE if self._live.is_set() else None)
         except Empty:
-            what = f"the window asked for no frame in {LEASE:g} s, so the light was switched off. Connect again."
-            raise DeviceError(what) from None
+            self._make_safe(rig)
+            self.warned.emit(f"the window asked for no frame in {LEASE:g} s, so the light was off meanwhile")
+            return self._orders.get()
 
     def _expose(self, rig: Rig) -> None:
         if not self._live.is_set():
@@ -163,4 +166,8 @@ class Acquisition(QThread):
 
     def _go_dark(self, rig: Rig) -> None:
         self._live.clear()
+        self._make_safe(rig)
+
+    def _make_safe(self, rig: Rig) -> None:
+        """Make the rig safe, and say what is known of the light then."""
         self.light_changed.emit(LightSign.UNKNOWN if rig.safe() else LightSign.OFF)

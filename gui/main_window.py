@@ -121,6 +121,7 @@ class MainWindow(QMainWindow):
         self.acquisition.frame_arrived.connect(self._show_frame)
         self.acquisition.exposure_time_read.connect(self.controls.show_exposure_time)
         self.acquisition.light_changed.connect(self._show_light)
+        self.acquisition.warned.connect(self.show_warning)
         self.acquisition.failed.connect(self.show_failure)
         self.acquisition.finished.connect(self._show_disconnected)
         self.controls.exposure_time_asked.connect(self.acquisition.set_exposure_time)
@@ -174,13 +175,17 @@ class MainWindow(QMainWindow):
         self.banner.tell(what)
         self.log_panel.add(logging.ERROR, what)
 
+    def show_warning(self, what: str) -> None:
+        """Say in the banner and in the log what should be known though all goes on."""
+        self.banner.warn(what)
+        self.log_panel.add(logging.WARNING, what)
+
     def _show_progress(self, progress: Progress) -> None:
         self.protocol_panel.show_progress(progress)
         self._show_light(SIGNS[progress.state])
         self.log_panel.add(logging.INFO, progress.message)
         if progress.warning:
-            self.banner.warn(progress.warning)
-            self.log_panel.add(logging.WARNING, progress.warning)
+            self.show_warning(progress.warning)
 
     def _show_outlook(self, outlook: Outlook) -> None:
         self.protocol_panel.show_outlook(outlook.as_text())
