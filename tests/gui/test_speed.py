@@ -29,6 +29,7 @@ def live(qtbot: QtBot) -> Iterator[MainWindow]:
 
 
 @pytest.mark.slow
+@pytest.mark.alone
 def test_large_live_frames_with_all_overlays_leave_the_window_alive(live: MainWindow, qtbot: QtBot):
     qtbot.wait(1000)
     speed = measure_live(live, 5.0)
@@ -37,6 +38,7 @@ def test_large_live_frames_with_all_overlays_leave_the_window_alive(live: MainWi
 
 
 @pytest.mark.slow
+@pytest.mark.alone
 def test_the_window_opens_soon():
     assert opening_seconds() < LONGEST_OPENING
 
