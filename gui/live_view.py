@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import pyqtgraph as pg
-from PySide6.QtCore import QRectF, Qt
+from PySide6.QtCore import QRectF, Qt, QTimer
 from PySide6.QtWidgets import QCheckBox, QGridLayout, QHBoxLayout, QSplitter, QVBoxLayout, QWidget
 
 from drivers.camera import CameraDescription
@@ -24,6 +24,7 @@ MARK_TEXTS = {
     SHARP: QT_TRANSLATE_NOOP("LiveView", "In &focus"),
 }
 _STEPS = (1, 2, 4, 8)
+_PLOT_PERIOD_MS = 100
 _TOOL_PEN = pg.mkPen(OKABE_ITO["purple"], width=2)
 
 
@@ -60,6 +61,8 @@ class LiveView(QWidget):
         self.facts_label = selectable(self.tr("no frame yet"), self.tr("Facts of the live picture"))
         self.cursor_label = selectable("", self.tr("Counts at the cursor"))
         self._table = colour_table()
+        # Plots of every frame would keep the window's thread busy, and nobody reads so fast.
+        self._plotting = QTimer(self, interval=_PLOT_PERIOD_MS, singleShot=True)
         self._lay_out()
         self._wire()
 
@@ -93,8 +96,15 @@ class LiveView(QWidget):
     def show_look(self, look: Look) -> None:
         """Show one frame that was looked at."""
         self._look = look
-        facts = look.facts
         self.picture.show_image(look.image, self._table, look.step, look.counts.shape)
+        if not self._plotting.isActive():
+            self._plotting.start()
+
+    def show_plots(self) -> None:
+        """Show histogram, profile and numbers of the newest frame, as happens by itself ten times a second."""
+        if self._look is None:
+            return
+        facts = self._look.facts
         self.histogram.show_facts(facts)
         self._show_profile()
         self.facts_label.setText(
@@ -135,6 +145,7 @@ class LiveView(QWidget):
 
     def _wire(self) -> None:
         self.looking.done.connect(self.show_look)
+        self._plotting.timeout.connect(self.show_plots)
         self.boards.switch_to(on=False)
         for switch in self.switches.values():
             switch.toggled.connect(self._look_again)

@@ -39,6 +39,7 @@ def even(level: int = 1000) -> Counts:
 
 def show(view: LiveView, counts: Counts) -> None:
     view.show_look(look_at((counts, CAMERA, view.wanted)))
+    view.show_plots()
 
 
 def test_clipped_pixels_are_marked_and_no_others(view: LiveView):
@@ -166,6 +167,14 @@ def test_the_cursor_tells_the_raw_count(view: LiveView):
     show(view, counts)
     view.picture.set_cursor(7, 9)
     assert view.cursor_label.text() == "row 7, column 9: 1234 counts"
+
+
+def test_the_plots_follow_the_picture_by_themselves(view: LiveView, qtbot: QtBot):
+    view.show_look(look_at((even(), CAMERA, view.wanted)))
+    view.show_look(look_at((even(2000), CAMERA, view.wanted)))
+    qtbot.waitUntil(lambda: "2008" in view.facts_label.text())
+    _, heights = view.histogram._curves["G"].getData()
+    assert int(heights.argmax()) == 2000 * 256 // 4096
 
 
 class TestBoards:
