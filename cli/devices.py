@@ -137,12 +137,13 @@ def frame(
 
 def _picture_writer(output: Path | None) -> Callable[[Any], None]:
     """Return what writes a picture of 16 bits; before anything shines it is known that it can be written."""
+    from cli.output import check_new
+
     if output is None:
         return lambda counts: None
     if output.suffix.lower() not in PICTURES:
         raise click.BadParameter(f"{output} is no picture of 16 bits; use {' or '.join(PICTURES)}", param_hint="-o")
-    if not output.parent.is_dir():
-        raise click.BadParameter(f"there is no folder {output.parent}; make it first", param_hint="-o")
+    check_new(output)
 
     def write(counts: Any) -> None:
         import cv2

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import pyqtgraph as pg
-from PySide6.QtCore import QRectF, Qt, QTimer
+from PySide6.QtCore import QRectF, Qt, QTimer, Signal
 from PySide6.QtWidgets import QCheckBox, QGridLayout, QHBoxLayout, QSplitter, QVBoxLayout, QWidget
 
 from drivers.camera import CameraDescription
@@ -41,6 +41,8 @@ class LiveView(QWidget):
         As in Qt.
     """
 
+    failed = Signal(str)  # why a frame could not be looked at
+
     def __init__(self, boards: Sequence[BoardConfig], focal_length_px: float, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._camera: CameraDescription | None = None
@@ -68,8 +70,10 @@ class LiveView(QWidget):
 
     def expect(self, camera: CameraDescription) -> None:
         """Take clipping and depth from `camera`, and fit view and tools to its frames."""
-        self._camera = camera
-        self.histogram.expect(camera)
+        before, self._camera = self._camera, camera
+        # What the operator chose to see stays while the camera is the same, above all after each capture.
+        if before is None or _levels(before) != _levels(camera):
+            self.histogram.expect(camera)
         if self.picture.size_in_pixels != (camera.height, camera.width):
             self.picture.fit(camera.height, camera.width)
             self._place_tools(camera.height, camera.width)
@@ -145,6 +149,8 @@ class LiveView(QWidget):
 
     def _wire(self) -> None:
         self.looking.done.connect(self.show_look)
+        for worker in (self.looking, self.boards.finding):
+            worker.failed.connect(self.failed)
         self._plotting.timeout.connect(self.show_plots)
         self.boards.switch_to(on=False)
         for switch in self.switches.values():
@@ -189,3 +195,7 @@ class LiveView(QWidget):
         column.addWidget(parts, stretch=1)
         for label in (self.facts_label, self.boards.label, self.cursor_label):
             column.addWidget(label)
+
+
+def _levels(camera: CameraDescription) -> tuple[int, float, float]:
+    return camera.bit_depth, camera.black_level, camera.saturation_level

@@ -123,6 +123,7 @@ class MainWindow(QMainWindow):
         self.acquisition.light_changed.connect(self._show_light)
         self.acquisition.warned.connect(self.show_warning)
         self.acquisition.failed.connect(self.show_failure)
+        self.live_view.failed.connect(self.show_failure)
         self.acquisition.finished.connect(self._show_disconnected)
         self.controls.exposure_time_asked.connect(self.acquisition.set_exposure_time)
         self.controls.connect_button.clicked.connect(self.banner.acknowledge)

@@ -15,6 +15,7 @@ from drivers.driver import DeviceState, FoundDevice
 from drivers.errors import DeviceError
 from drivers.light import LightState
 from drivers.simulated.light import SimulatedLight
+from instrument.validation import InvalidInputError
 from tests.cli.test_capture import RIG
 
 
@@ -124,20 +125,18 @@ def test_rig_frame_tells_of_a_region(rig: str, tmp_path: Path) -> None:
     assert abs(told["median_counts"] - np.median(region)) <= 16
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["-o", "frame.jpg"], "is no picture of 16 bits; use .png or .tif"),
-        (["-o", "nowhere/frame.png"], "there is no folder nowhere"),
-    ],
-)
 def test_rig_frame_refuses_what_it_cannot_write_before_the_light_shines(
-    rig: str, arguments: list[str], message: str, monkeypatch: pytest.MonkeyPatch
+    rig: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(SimulatedLight, "on", None)
-    refused = CliRunner().invoke(halfangle, ["rig", "frame", rig, *arguments])
+    refused = CliRunner().invoke(halfangle, ["rig", "frame", rig, "-o", "frame.jpg"])
     assert refused.exit_code == 2
-    assert message in refused.output
+    assert "is no picture of 16 bits; use .png or .tif" in refused.output
+    (tmp_path / "there.png").write_bytes(b"somebody's")
+    for name, message in (("there.png", "exists and is not overwritten"), ("no/where.png", "is no folder")):
+        with pytest.raises(InvalidInputError, match=message):
+            halfangle(["rig", "frame", rig, "-o", str(tmp_path / name)], standalone_mode=False)
+    assert (tmp_path / "there.png").read_bytes() == b"somebody's"
 
 
 def test_rig_frame_says_which_exposure_times_the_camera_takes(rig: str) -> None:

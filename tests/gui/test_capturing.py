@@ -1,6 +1,6 @@
 """A capture by clicks on the simulated rig: what the window asks for, what it shows, and that it ends dark."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -8,45 +8,24 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from drivers.clock import RealClock
-from drivers.registry import Devices
-from drivers.simulated.devices import open_faulty
 from drivers.simulated.faults import Fault
-from drivers.simulated.world import World
 from gui.light_sign import LightSign
 from gui.main_window import MainWindow
 from instrument.session import Session
 from tests.cli.test_capture import PROTOCOL
+from tests.gui.faulty_bench import FaultyBench
 from tests.gui.test_main_window import escape, rig_config
 
 LONG = PROTOCOL.replace("count = 3", "count = 300")
 
 
-class Bench:
-    """Makes simulated devices, with faults from the second time on: the first is for the live picture."""
-
-    def __init__(self, *faults: Fault) -> None:
-        self.faults = faults
-        self.worlds: list[World] = []
-
-    def devices(self, rig: Mapping[str, Any]) -> Devices:
-        faults = self.faults if self.worlds else ()
-        world, camera, light, stage = open_faulty(rig, faults, RealClock() if not self.worlds else None)
-        self.worlds.append(world)
-        return Devices(camera, light, stage, world.clock)
-
-    @property
-    def lit(self) -> bool:
-        return any(world.lamp.level > 0.0 for world in self.worlds)
+@pytest.fixture
+def bench() -> FaultyBench:
+    return FaultyBench()
 
 
 @pytest.fixture
-def bench() -> Bench:
-    return Bench()
-
-
-@pytest.fixture
-def window(bench: Bench, qtbot: QtBot, tmp_path: Path) -> Iterator[MainWindow]:
+def window(bench: FaultyBench, qtbot: QtBot, tmp_path: Path) -> Iterator[MainWindow]:
     window = MainWindow(rig_config(), bench.devices)
     window.show()
     qtbot.waitUntil(window.controls.live_button.isEnabled)
@@ -107,7 +86,7 @@ def test_a_capture_is_paused_and_resumed_by_clicks(window: MainWindow, qtbot: Qt
 
 @pytest.mark.parametrize("end", ["abort", "escape", "close"])
 def test_whatever_ends_a_capture_early_leaves_the_light_off(
-    window: MainWindow, bench: Bench, qtbot: QtBot, tmp_path: Path, end: str
+    window: MainWindow, bench: FaultyBench, qtbot: QtBot, tmp_path: Path, end: str
 ):
     write(window, tmp_path, LONG)
     panel = window.protocol_panel
@@ -128,7 +107,7 @@ def test_whatever_ends_a_capture_early_leaves_the_light_off(
 
 
 def test_a_capture_that_waits_for_the_rig_is_not_begun_after_a_stop(
-    window: MainWindow, bench: Bench, qtbot: QtBot, tmp_path: Path
+    window: MainWindow, bench: FaultyBench, qtbot: QtBot, tmp_path: Path
 ):
     # All in one turn of the event loop: the live picture cannot have left the rig yet.
     window.protocol_panel.start_button.click()
@@ -167,8 +146,8 @@ def test_the_live_picture_is_back_after_a_capture(window: MainWindow, qtbot: QtB
 
 class TestFaults:
     @pytest.fixture
-    def bench(self) -> Bench:
-        return Bench(Fault("camera", "lost", "trigger", at=8, repeats=0, value=1000.0))
+    def bench(self) -> FaultyBench:
+        return FaultyBench(Fault("camera", "lost", "trigger", at=8, repeats=0, value=1000.0))
 
     def test_a_fault_stands_in_the_banner_with_what_next(self, window: MainWindow, qtbot: QtBot):
         click(qtbot, window.protocol_panel.start_button)

@@ -1,6 +1,6 @@
 """Every fault that can be injected, in the banner: what it is, of which device, and what comes next."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -8,19 +8,15 @@ import pytest
 from pytestqt.qtbot import QtBot
 
 from drivers.camera import Frame
-from drivers.clock import RealClock
-from drivers.registry import Devices
 from drivers.simulated.camera import SimulatedCamera
-from drivers.simulated.clock import VirtualClock
-from drivers.simulated.devices import open_faulty
 from drivers.simulated.faults import EFFECTS, Fault
-from drivers.simulated.world import World
 from gui.light_sign import LightSign
 from gui.main_window import MainWindow
-from instrument import bounded
 from protocols import run
 from tests.faults.bench import rig_config
+from tests.faults.conftest import impatient
 from tests.faults.test_devices import ALWAYS, FIRST_POSE, NEVER_BACK, SECOND_POSE
+from tests.gui.faulty_bench import FaultyBench
 
 PROTOCOL = """
 name = "three views"
@@ -83,33 +79,16 @@ SHOWN = [
 ]
 
 
-class Bench:
-    """Makes simulated devices: sound ones for the live picture, with faults for the capture."""
-
-    def __init__(self) -> None:
-        self.faults: tuple[Fault, ...] = ()
-        self.worlds: list[World] = []
-        self.camera: type[SimulatedCamera] | None = None
-
-    def devices(self, rig: Mapping[str, Any]) -> Devices:
-        is_capture = len(self.worlds) == 1
-        clock = VirtualClock() if is_capture else RealClock()
-        world, camera, light, stage = open_faulty(rig, self.faults if is_capture else (), clock)
-        self.worlds.append(world)
-        return Devices(self.camera(world) if self.camera else camera, light, stage, world.clock)
-
-    @property
-    def lit(self) -> bool:
-        return any(world.lamp.level > 0.0 for world in self.worlds)
+__all__ = ["impatient"]
 
 
 @pytest.fixture
-def bench() -> Bench:
-    return Bench()
+def bench() -> FaultyBench:
+    return FaultyBench()
 
 
 @pytest.fixture
-def window(bench: Bench, qtbot: QtBot, tmp_path: Path) -> Iterator[MainWindow]:
+def window(bench: FaultyBench, qtbot: QtBot, tmp_path: Path) -> Iterator[MainWindow]:
     (tmp_path / "protocol.toml").write_text(PROTOCOL)
     window = MainWindow(rig_config(), bench.devices)
     window.show()
@@ -119,12 +98,6 @@ def window(bench: Bench, qtbot: QtBot, tmp_path: Path) -> Iterator[MainWindow]:
     yield window
     window.close()
     window.deleteLater()
-
-
-@pytest.fixture
-def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("COMMAND_LIMIT", "FRAME_MARGIN", "MOVE_MARGIN", "CONNECT_LIMIT", "HOME_LIMIT"):
-        monkeypatch.setattr(bounded, name, 0.5)
 
 
 def capture(window: MainWindow, qtbot: QtBot) -> None:
@@ -138,14 +111,15 @@ def test_every_effect_of_every_device_is_among_them():
     }
 
 
-# Three of them in the fast suite, all in the longer one: a window for each takes its time.
+# Three effects in the fast suite, all in the longer one: a window for each takes its time.
 FAST = ("lost", "stays_on", "alarm")
 CASES = [
     pytest.param(
         fault,
         *texts,
         id=f"{fault.device} {fault.effect} {fault.value:g}",
-        marks=[] if fault.effect in FAST else pytest.mark.slow,
+        marks=[pytest.mark.usefixtures("impatient")] * (fault.effect == "hang")
+        + [pytest.mark.slow] * (fault.effect not in FAST),
     )
     for fault, *texts in SHOWN
 ]
@@ -153,10 +127,13 @@ CASES = [
 
 @pytest.mark.parametrize(("spoil", "what", "next_"), CASES)
 def test_a_fault_stands_in_the_banner_with_what_and_what_next(
-    window: MainWindow, bench: Bench, qtbot: QtBot, request: pytest.FixtureRequest, spoil: Fault, what: str, next_: str
+    window: MainWindow,
+    bench: FaultyBench,
+    qtbot: QtBot,
+    spoil: Fault,
+    what: str,
+    next_: str,
 ):
-    if spoil.effect == "hang":
-        request.getfixturevalue("impatient")
     # To be another one, it has to be connected once more.
     gone = (Fault("camera", "lost", "trigger", 8),) if spoil.effect == "other_serial" else ()
     bench.faults = (*gone, spoil)
@@ -180,7 +157,7 @@ class DyingCamera(SimulatedCamera):
         raise ZeroDivisionError("a programmer's error")
 
 
-def test_the_light_is_off_when_the_live_pictures_thread_dies(window: MainWindow, bench: Bench, qtbot: QtBot):
+def test_the_light_is_off_when_the_live_pictures_thread_dies(window: MainWindow, bench: FaultyBench, qtbot: QtBot):
     bench.camera = DyingCamera
     window.acquisition.close()
     qtbot.waitUntil(window.controls.connect_button.isEnabled)
@@ -194,7 +171,7 @@ def test_the_light_is_off_when_the_live_pictures_thread_dies(window: MainWindow,
 
 
 def test_the_light_is_off_when_the_captures_thread_dies(
-    window: MainWindow, bench: Bench, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+    window: MainWindow, bench: FaultyBench, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ):
     take = run.take_pose
 

@@ -139,6 +139,19 @@ def test_the_zoom_stays_as_it_is_from_frame_to_frame_whatever_the_size(view: Liv
         assert view.picture.box.viewRect() == seen
 
 
+def test_what_the_operator_chose_to_see_stays_when_the_same_camera_is_connected_again(view: LiveView):
+    view.histogram.set_window(500.0, 1500.0)
+    view.expect(replace(CAMERA, firmware="1.1"))
+    assert view.histogram.window_counts == (500.0, 1500.0)
+    view.expect(replace(CAMERA, saturation_level=4000.0))
+    assert view.histogram.window_counts == (64.0, 4000.0)
+
+
+def test_a_frame_that_cannot_be_looked_at_is_told(view: LiveView, qtbot: QtBot):
+    with qtbot.waitSignal(view.failed):
+        view.take(np.zeros((0, 0), np.uint16))
+
+
 def test_a_region_tells_of_its_pixels_alone(view: LiveView, qtbot: QtBot):
     counts = even()
     counts[20:40, 30:60] = 3000
