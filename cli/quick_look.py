@@ -91,5 +91,6 @@ def _normals(look: QuickLook) -> list[str]:
         return [f"  normals    none yet: {what}" for what in look.problems]
     n_solved = np.count_nonzero(np.isfinite(look.sigma_deg))
     return [
-        f"  normals    of {n_solved} cells of {look.pitch:.2g} mm, typically known to {look.median_sigma_deg:.1f} deg"
+        f"  normals    of {n_solved} cells of {look.pitch:.2g} mm: {look.median_sigma_deg:.1f} deg by the scatter "
+        "of the views; nominal places add two or more"
     ]

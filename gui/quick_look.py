@@ -106,7 +106,11 @@ class QuickLookTab(QWidget):
             lines += [self.tr("no normals yet: {why}").format(why=why) for why in look.problems]
         else:
             sigma = f"{look.median_sigma_deg:.1f}"
-            lines.append(self.tr("normals typically known to {sigma} deg").format(sigma=sigma))
+            lines.append(
+                self.tr("normals: {sigma} deg by the scatter of the views; nominal places add two or more").format(
+                    sigma=sigma
+                )
+            )
         if look.coverage is not None:
             lines += look.coverage.advice()
         if shown.next_pose is not None:

@@ -40,7 +40,7 @@ def test_normals_coverage_and_the_next_pose_come_while_poses_come(
     wait_for("no normals yet: 2 views; at least 4 are needed", tab, qtbot)
     capture.take(*range(2, 8))
     wait_for("poses looked at: 8", tab, qtbot)
-    assert "normals typically known to" in tab.text_label.text()
+    assert "deg by the scatter of the views; nominal places add" in tab.text_label.text()
     assert "one more pose would help most at tilt" in tab.text_label.text()
     assert tab.picture.size_in_pixels[1] == 64
     assert np.any(tab.bars.opts["height"])
