@@ -118,8 +118,7 @@ CASES = [
         fault,
         *texts,
         id=f"{fault.device} {fault.effect} {fault.value:g}",
-        marks=[pytest.mark.usefixtures("impatient")] * (fault.effect == "hang")
-        + [pytest.mark.slow] * (fault.effect not in FAST),
+        marks=[] if fault.effect in FAST else pytest.mark.slow,
     )
     for fault, *texts in SHOWN
 ]
@@ -130,10 +129,13 @@ def test_a_fault_stands_in_the_banner_with_what_and_what_next(
     window: MainWindow,
     bench: FaultyBench,
     qtbot: QtBot,
+    request: pytest.FixtureRequest,
     spoil: Fault,
     what: str,
     next_: str,
 ):
+    if spoil.effect == "hang":
+        request.getfixturevalue("impatient")
     # To be another one, it has to be connected once more.
     gone = (Fault("camera", "lost", "trigger", 8),) if spoil.effect == "other_serial" else ()
     bench.faults = (*gone, spoil)
