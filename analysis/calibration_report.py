@@ -12,7 +12,7 @@ import jinja2
 from analysis.calibration_checks import calibration_checks, coverage_of
 from analysis.calibration_figures import calibration_figures
 from analysis.calibration_parameters import parameters_of
-from analysis.calibration_views import views_of
+from analysis.calibration_views import view_figures
 from analysis.checks import Check, Status, by_severity, count
 from analysis.error_budget import ErrorBudget
 from analysis.session_calibration import Calibration
@@ -79,7 +79,7 @@ class CalibrationReport:
             "checks": [check.as_dict() for check in by_severity(self.checks)],
             "parameters": [parameter.as_dict() for parameter in parameters_of(self.calibration)],
             "coverage": None if reached is None else reached.as_dict(),
-            "views": list(views_of(self.calibration)),
+            "views": list(view_figures(self.calibration)),
         }
 
 

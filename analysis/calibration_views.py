@@ -10,7 +10,7 @@ import numpy as np
 from analysis.session_calibration import Calibration
 
 
-def views_of(calibration: Calibration) -> Iterator[dict[str, Any]]:
+def view_figures(calibration: Calibration) -> Iterator[dict[str, Any]]:
     """Yield each view as JSON has it: pose, place in the sample frame in mm, corners and residuals in pixels.
 
     Residuals are found minus predicted; corners that were left out are not among them.

@@ -67,41 +67,9 @@ class MergedFrames:
         if ambient is None:
             return merged
         time = float(self.session.ambient_times[i_pose])
-        return less_ambient(merged, self._single(ambient, time))
+        return less_ambient(merged, self.single(ambient, time))
 
-    def flat_field(self, focal_length_px: float, light_offset: Array) -> FlatField | None:
-        """Return the flat field from the session's pictures of a card, None if there are none.
-
-        The cards are taken to be square to the camera, at the stated distances: several of them tell vignetting and
-        lobe apart, one gives their product.
-
-        Parameters
-        ----------
-        focal_length_px : float
-        light_offset : ndarray, shape (3,)
-            Camera frame, mm.
-
-        Raises
-        ------
-        InvalidInputError
-            If the cards cannot be used, with the reasons.
-        """
-        times = self.session.flat_times
-        if len(times) == 0:
-            return None
-        distances = self.session.flat_distances_mm
-        if not np.isfinite(distances).all():
-            what = f"{int(np.sum(~np.isfinite(distances)))} of {len(distances)} have no distance; state it in mm"
-            raise InvalidInputError("The flat field cannot be found.", [Problem("flats", what)])
-        cards = [self._card(i, t, d, focal_length_px) for i, (t, d) in enumerate(zip(times, distances, strict=True))]
-        one_distance = np.ptp(distances) == 0.0
-        return fit_flat_card(cards[0], light_offset) if one_distance else fit_flat_field(cards, light_offset)
-
-    def _card(self, i: int, time: float, distance_mm: float, focal_length_px: float) -> PlanePicture:
-        picture = self._single(self.session.flat_images(i), float(time))
-        return PlanePicture(f"flats/{i}", picture, square_view(focal_length_px, self.image_size, float(distance_mm)))
-
-    def _single(self, frame: NDArray[Any], exposure_time: float) -> Radiance:
+    def single(self, frame: NDArray[Any], exposure_time: float) -> Radiance:
         """Return one frame as radiance; where darks differ by exposure, the one of the nearest time is subtracted."""
         nearest = np.argmin(np.abs(np.log(self.session.exposure_times / exposure_time)))
         keep = np.arange(len(self.session.exposure_times)) == nearest
@@ -133,3 +101,38 @@ def less_ambient(merged: Radiance, ambient: Radiance) -> Radiance:
     """
     mean = np.where(ambient.saturated, np.float32(np.nan), merged.mean - ambient.mean)
     return replace(merged, mean=mean.astype(np.float32), variance=merged.variance + ambient.variance)
+
+
+def session_flat_field(frames: MergedFrames, focal_length_px: float, light_offset: Array) -> FlatField | None:
+    """Return the flat field from a session's pictures of a card, None if there are none.
+
+    The cards are taken to be square to the camera, at the stated distances: several of them tell vignetting and
+    lobe apart, one gives their product.
+
+    Parameters
+    ----------
+    frames : MergedFrames
+    focal_length_px : float
+    light_offset : ndarray, shape (3,)
+        Camera frame, mm.
+
+    Raises
+    ------
+    InvalidInputError
+        If the cards cannot be used, with the reasons.
+    """
+    times = frames.session.flat_times
+    if len(times) == 0:
+        return None
+    distances = frames.session.flat_distances_mm
+    if not np.isfinite(distances).all():
+        what = f"{int(np.sum(~np.isfinite(distances)))} of {len(distances)} have no distance; state it in mm"
+        raise InvalidInputError("The flat field cannot be found.", [Problem("flats", what)])
+    cards = [_card(frames, i, t, d, focal_length_px) for i, (t, d) in enumerate(zip(times, distances, strict=True))]
+    one_distance = np.ptp(distances) == 0.0
+    return fit_flat_card(cards[0], light_offset) if one_distance else fit_flat_field(cards, light_offset)
+
+
+def _card(frames: MergedFrames, i: int, time: float, distance_mm: float, focal_length_px: float) -> PlanePicture:
+    picture = frames.single(frames.session.flat_images(i), float(time))
+    return PlanePicture(f"flats/{i}", picture, square_view(focal_length_px, frames.image_size, float(distance_mm)))

@@ -11,7 +11,7 @@ import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis import figures
+from analysis.figures import Point, curves, display_colours, group_map, normal_colours, picture, scalar_map
 from analysis.materials import group_materials
 from analysis.report_checks import report_problems
 from analysis.result import FLAG_NAMES, MODEL_NAMES, Result, diffuse_albedo, model_used
@@ -45,7 +45,7 @@ def write_report(path: Path, result: Result, title: str) -> None:
         headline=_headline(result),
         advice=_advice(result),
         maps=_maps(result, groups, picked),
-        curves=_encode(figures.curves(result, picked)),
+        curves=_encode(curves(result, picked)),
         left_out=result.summary.get("left_out", []),
         choices=result.choices,
         calibration=_flat(result.summary.get("calibration", {})),
@@ -57,7 +57,7 @@ def write_report(path: Path, result: Result, title: str) -> None:
         file.write(page)
 
 
-def picked_points(result: Result, groups: NDArray[np.int16]) -> list[figures.Point]:
+def picked_points(result: Result, groups: NDArray[np.int16]) -> list[Point]:
     """Pick a typical pixel of each of the largest material groups: the one of median chi-square."""
     points = []
     for group in range(min(N_PICKED, int(groups.max(initial=-1)) + 1)):
@@ -131,35 +131,35 @@ def _advice(result: Result) -> list[str]:
     return advice
 
 
-def _maps(result: Result, groups: NDArray[np.int16], picked: list[figures.Point]) -> list[tuple[str, str]]:
+def _maps(result: Result, groups: NDArray[np.int16], picked: list[Point]) -> list[tuple[str, str]]:
     fits = result.fits
     albedo = result.as_map(diffuse_albedo(fits))
     overhead = np.array([0.0, 0.0, 350.0])
     aside = np.array([250.0, 150.0, 300.0])
     drawn = [
-        ("Normals, false colour", figures.picture(figures.normal_colours(result.normals))),
-        ("Relit from the right, seen from above", figures.picture(_lit(result, overhead, aside))),
-        ("Diffuse albedo (π f at 45° or as far as seen)", figures.picture(figures.display_colours(albedo))),
-        ("Groups of like reflectance", figures.group_map(result.as_map(groups))),
+        ("Normals, false colour", picture(normal_colours(result.normals))),
+        ("Relit from the right, seen from above", picture(_lit(result, overhead, aside))),
+        ("Diffuse albedo (π f at 45° or as far as seen)", picture(display_colours(albedo))),
+        ("Groups of like reflectance", group_map(result.as_map(groups))),
         (
             "Stated sigma of the normal",
-            figures.scalar_map(result.as_map(np.rad2deg(fits.normal_sigma)), "deg", log=True),
+            scalar_map(result.as_map(np.rad2deg(fits.normal_sigma)), "deg", log=True),
         ),
         (
             "Residual",
-            figures.scalar_map(result.as_map(fits.reduced_chi2), "reduced chi-square", log=True, marks=picked),
+            scalar_map(result.as_map(fits.reduced_chi2), "reduced chi-square", log=True, marks=picked),
         ),
     ]
     if np.isfinite(result.depth).any():
-        drawn.insert(1, ("Depth", figures.scalar_map(result.depth, "mm")))
-        drawn.append(("Stated sigma of the depth", figures.scalar_map(result.depth_sigma, "mm")))
+        drawn.insert(1, ("Depth", scalar_map(result.depth, "mm")))
+        drawn.append(("Stated sigma of the depth", scalar_map(result.depth_sigma, "mm")))
     if result.truth_error is not None:
-        drawn.append(("Normal error against the truth", figures.scalar_map(result.truth_error, "deg", log=True)))
+        drawn.append(("Normal error against the truth", scalar_map(result.truth_error, "deg", log=True)))
     return [(caption, _encode(png)) for caption, png in drawn]
 
 
 def _lit(result: Result, camera: Array, light: Array) -> Array:
-    return figures.display_colours(result.render(camera, light))
+    return display_colours(result.render(camera, light))
 
 
 def _flag_counts(result: Result) -> list[tuple[str, int]]:

@@ -17,7 +17,7 @@ from analysis.boards import BoardCorners, detect_corners
 from analysis.camera_calibration import MIN_VIEWS, CameraCalibration, calibrate_camera, usable_views
 from analysis.flat_field import FlatField
 from analysis.lens import Lens
-from analysis.merged_frames import MergedFrames
+from analysis.merged_frames import MergedFrames, session_flat_field
 from analysis.radiometry import RadiometryFindings
 from analysis.session_light import Lighting, find_light
 from analysis.stages import Stages
@@ -154,7 +154,7 @@ def _flat_field(session: Session, frames: MergedFrames, camera: CameraCalibratio
     offset = np.zeros(3) if session.light_offset_mm is None else session.light_offset_mm
     focal_length = session.focal_length_px if camera is None else float(camera.camera_matrix[0, 0])
     # Without any, a field of view of 60 deg: of the card only the product over the picture is wanted then.
-    return frames.flat_field(focal_length or 0.87 * max(frames.image_size), offset)
+    return session_flat_field(frames, focal_length or 0.87 * max(frames.image_size), offset)
 
 
 def _find_boards(session: Session, frames: MergedFrames) -> list[BoardCorners]:

@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.merged_frames import MergedFrames
+from analysis.merged_frames import MergedFrames, session_flat_field
 from instrument.records import CameraRecord
 from instrument.validation import InvalidInputError
 from tests.analysis.test_response_fit import bracket, srgb_encoded
@@ -209,15 +209,15 @@ def test_cards_at_stated_distances_give_a_flat_field():
         return counts(TIMES[1:2], 2e5 * (200.0 / distance) ** 2 * np.exp(-0.4 * r2) * cosine**3, seed=i)[0]
 
     session = FakeSession(poses(), dark=darks())
-    assert MergedFrames(session).flat_field(200.0, np.zeros(3)) is None
+    assert session_flat_field(MergedFrames(session), 200.0, np.zeros(3)) is None
     session.flat_times, session.flat_images = np.full(3, TIMES[1]), card
     session.flat_distances_mm = np.array([150.0, 220.0, 300.0])
-    field = MergedFrames(session).flat_field(200.0, np.zeros(3))
+    field = session_flat_field(MergedFrames(session), 200.0, np.zeros(3))
     corner, middle = field.gain(np.array([[0.0, 0.0], [79.5, 59.5]]), 250.0)
     assert corner / middle == pytest.approx(np.exp(-0.4), rel=0.02)
     session.flat_distances_mm = np.full(3, np.nan)
     with pytest.raises(InvalidInputError, match="3 of 3 have no distance; state it in mm"):
-        MergedFrames(session).flat_field(200.0, np.zeros(3))
+        session_flat_field(MergedFrames(session), 200.0, np.zeros(3))
 
 
 def test_a_session_without_a_complete_pose_is_refused():
