@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.stack import Stack
+from analysis.registration.stack import Stack
 from benchmarks.scenes import Scene
 
 

@@ -16,9 +16,8 @@ import click
 import numpy as np
 from scipy.optimize import nnls
 
-from analysis.atoms import AnyAtom
-from analysis.dictionary import Dictionary, from_published
-from analysis.extrapolation import (
+from analysis.reflectance.atoms import AnyAtom
+from analysis.reflectance.completion import (
     THETA_D,
     THETA_H,
     CompletedBrdf,
@@ -26,7 +25,8 @@ from analysis.extrapolation import (
     atoms_on_slice,
     complete_brdf,
 )
-from analysis.reflectance import Array
+from analysis.reflectance.dictionary import Dictionary, from_published
+from analysis.reflectance.models import Array
 
 SMALLEST_DEG, N_SAMPLES = 1.0, 65
 LOWEST_ELEVATION = float(np.cos(np.deg2rad(80.0)))

@@ -1,7 +1,7 @@
 """Where an estimate of a BRDF is held against the truth, and by which error.
 
-Nodes over half and difference angle as `analysis.extrapolation` has them, theta_h dense at the highlight as in the
-MERL tables, at eight phi_d; every node counts alike, as every cell of such a table does. Nodes with the light
+Nodes over half and difference angle as `analysis.reflectance.completion` has them, theta_h dense at the highlight as
+in the MERL tables, at eight phi_d; every node counts alike, as every cell of such a table does. Nodes with the light
 or the view within 10 deg of the horizon do not count, since the measurements are not to be relied on there
 [ngan2005].
 """
@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.extrapolation import THETA_D, THETA_H
+from analysis.reflectance.completion import THETA_D, THETA_H
 from benchmarks.brdf_materials import Angles
 
 Array = NDArray[np.float64]

@@ -16,14 +16,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis import reflectance
-from analysis.atoms import AnyAtom, published
-from analysis.categories import categories
-from analysis.dictionary import Dictionary, from_published
-from analysis.dictionary_build import SUFFIX, build_dictionary
-from analysis.extrapolation import N_ALIKE
-from analysis.merl import SCALES, SHAPE, fill_unmeasured, read_merl
-from analysis.rusinkiewicz import cosines_from_angles
+from analysis.reflectance import models
+from analysis.reflectance.atoms import AnyAtom, published
+from analysis.reflectance.categories import categories
+from analysis.reflectance.completion import N_ALIKE
+from analysis.reflectance.dictionary import Dictionary, from_published
+from analysis.reflectance.dictionary_build import SUFFIX, build_dictionary
+from analysis.reflectance.merl import SCALES, SHAPE, fill_unmeasured, read_merl
+from analysis.reflectance.models import cosines_from_angles
 from benchmarks.experiment import Request, SkippedError
 from benchmarks.scenes import material_rows
 
@@ -89,7 +89,7 @@ class PublishedBrdf:
 
     def at(self, angles: Angles) -> Array:
         """Return its values in 1/sr, shape (n, 3)."""
-        model = {"sgd": reflectance.sgd, "abc": reflectance.abc}[self.table]
+        model = {"sgd": models.sgd, "abc": models.abc}[self.table]
         cosines, _ = cosines_from_angles(angles.theta_h, angles.theta_d, angles.phi_d)
         return model(cosines, published(self.table)[self.row])
 

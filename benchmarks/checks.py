@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.dictionary import parametric
-from analysis.fitting import PixelProblem
-from analysis.identifiability import view_problems
-from analysis.reconstruction import Options, reconstruct
+from analysis.pixels.identifiability import view_problems
+from analysis.pixels.problem import PixelProblem
+from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.reflectance.dictionary import parametric
 from benchmarks.methods import KNOWN_NOISE
 from benchmarks.scenes import FAR_MM, Scene, independent, relief
 

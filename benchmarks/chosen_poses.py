@@ -18,13 +18,13 @@ from tempfile import TemporaryDirectory
 import click
 import numpy as np
 
-from analysis.metrics import angular_error_deg, error_summary
-from analysis.pixel_fits import PixelFits
-from analysis.reconstruction import Reconstruction, reconstruct
-from analysis.rectification import Grid
-from analysis.reflectance import Array, Cosines
-from analysis.stack import Stack, Truth
-from analysis.stack_file import read_stack, write_truth
+from analysis.evaluation.metrics import angular_error_deg, error_summary
+from analysis.pixels.fits import PixelFits
+from analysis.reconstruction.reconstruction import Reconstruction, reconstruct
+from analysis.reflectance.models import Array, Cosines
+from analysis.registration.grid import Grid
+from analysis.registration.stack import Stack, Truth
+from analysis.registration.stack_file import read_stack, write_truth
 from analysis.stages import Stages
 from benchmarks.scenes import DARK_FLOOR, Scene, relief, with_noise
 from cli.calibration import stack_from_session

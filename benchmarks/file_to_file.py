@@ -10,9 +10,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from analysis.reflectance import Cosines
-from analysis.result import read_result
-from analysis.stack_file import write_stack
+from analysis.reflectance.models import Cosines
+from analysis.registration.stack_file import write_stack
+from analysis.results.result_file import read_result
 from benchmarks.methods import Estimate
 from benchmarks.scenes import Scene
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.hdr import Sensor, merge_bracket, trusted_level
+from analysis.radiometry.hdr import Sensor, merge_bracket, trusted_level
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.integration import depth_sigma, integrate_normals
-from analysis.metrics import depth_rmse
+from analysis.depth.integration import integrate_normals
+from analysis.depth.uncertainty import depth_sigma
+from analysis.evaluation.metrics import depth_rmse
 
 Array = NDArray[np.float64]
 

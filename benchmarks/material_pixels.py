@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.fitting import Noise
-from analysis.stack import Stack, Truth
+from analysis.pixels.problem import Noise
+from analysis.registration.stack import Stack, Truth
 from benchmarks.brdf_materials import Angles, Material
 from benchmarks.scenes import FAR_MM, cap, with_noise
 

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.dictionary import Dictionary, from_published, parametric
-from analysis.fitting import Noise, PixelProblem, estimate_noise
-from analysis.palette import NODES, Palette
-from analysis.pixel_fits import PixelFits
-from analysis.reconstruction import Options, reconstruct
-from analysis.reflectance import Cosines
-from analysis.stack import Stack
+from analysis.pixels.fits import PixelFits
+from analysis.pixels.problem import Noise, PixelProblem, estimate_noise
+from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.reflectance.dictionary import Dictionary, from_published, parametric
+from analysis.reflectance.models import Cosines
+from analysis.reflectance.palette import NODES, Palette
+from analysis.registration.stack import Stack
 from benchmarks.reference import atom_table, pixel_samples, solve_pixel
 from benchmarks.scenes import Scene
 

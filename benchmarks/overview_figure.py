@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.figures import display_colours, normal_colours
-from analysis.result import Result, diffuse_albedo, read_result
+from analysis.drawing.colours import display_colours, normal_colours
+from analysis.results.result import Result, diffuse_albedo
+from analysis.results.result_file import read_result
 
 
 def overview(result: Result) -> Figure:

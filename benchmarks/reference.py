@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from analysis.dictionary import Dictionary
-from analysis.palette import NODES
-from analysis.reflectance import Cosines
-from analysis.stack import Stack
+from analysis.reflectance.dictionary import Dictionary
+from analysis.reflectance.models import Cosines
+from analysis.reflectance.palette import NODES
+from analysis.registration.stack import Stack
 
 Array = NDArray[np.float64]
 
@@ -95,7 +95,7 @@ def pixel_samples(stack: Stack, pixel: int) -> PixelSamples:
 
 
 def atom_table(dictionary: Dictionary) -> Array:
-    """Tabulate a dictionary on the slice over `analysis.palette.NODES`, shape (n_nodes, K), 1/sr."""
+    """Tabulate a dictionary on the slice over `analysis.reflectance.palette.NODES`, shape (n_nodes, K), 1/sr."""
     return dictionary.evaluate(Cosines.on_slice(np.arccos(1.0 - NODES**2)))
 
 

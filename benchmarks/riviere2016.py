@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.stack import Stack
+from analysis.registration.stack import Stack
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.metrics import angular_error_deg, depth_rmse, depth_rmse_without_plane
+from analysis.evaluation.metrics import angular_error_deg, depth_rmse, depth_rmse_without_plane
 from benchmarks.methods import Estimate
 from benchmarks.scenes import Scene
 

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from analysis.metrics import angular_error_deg
+from analysis.evaluation.metrics import angular_error_deg
 from analysis.stages import peak_memory_mb
 from benchmarks.checks import checks
 from benchmarks.integration_speed import fastest_seconds

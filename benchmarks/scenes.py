@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.dictionary import published
-from analysis.reflectance import Cosines, abc, sgd
-from analysis.stack import Stack, Truth
+from analysis.reflectance.dictionary import published
+from analysis.reflectance.models import Cosines, abc, sgd
+from analysis.registration.stack import Stack, Truth
 
 Array = NDArray[np.float64]
 

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from analysis.atoms import LOBE, Atom
-from analysis.dictionary import Dictionary, parametric, published
-from analysis.fitting import Noise
-from analysis.reconstruction import Options
-from analysis.reflectance import Cosines
+from analysis.pixels.problem import Noise
+from analysis.reconstruction.reconstruction import Options
+from analysis.reflectance.atoms import LOBE, Atom
+from analysis.reflectance.dictionary import Dictionary, parametric, published
+from analysis.reflectance.models import Cosines
 from benchmarks import alterations, scenes
 from benchmarks.file_to_file import file_to_file
 from benchmarks.methods import METHODS, Estimate, Method, generic, generic_pixels, known, palette, reference, whole

@@ -11,8 +11,8 @@ from cli.output import check_new, stage_announcer, write_json
 from instrument.validation import LINE_BREAK, printable
 
 if TYPE_CHECKING:
-    from analysis.calibration_report import CalibrationReport
-    from analysis.stack import Stack
+    from analysis.registration.stack import Stack
+    from analysis.reporting.calibration_report import CalibrationReport
     from analysis.stages import Stages
 
 FILE = click.Path(path_type=Path, dir_okay=False)
@@ -34,7 +34,7 @@ def calibrate(
 ) -> None:
     """Calibrate a SESSION from its own pictures, judge that, and register it onto the sample plane."""
     check_new(*(path for path in (output, page, json_file) if path))
-    from analysis.calibration_report import write_calibration_page
+    from analysis.reporting.calibration_report import write_calibration_page
     from analysis.stages import Stages
     from instrument.look import refuse_dangerous
 
@@ -52,9 +52,9 @@ def calibrate(
 
 def calibration_only(session: Path, stages: Stages) -> CalibrationReport:
     """Calibrate a session as far as it goes, and judge it."""
-    from analysis.calibration_report import report_of
-    from analysis.merged_frames import MergedFrames
-    from analysis.session_calibration import calibrate_session
+    from analysis.calibration.session import calibrate_session
+    from analysis.radiometry.frames import MergedFrames
+    from analysis.reporting.calibration_report import report_of
     from instrument.session import Session
 
     with Session(session) as opened:
@@ -63,19 +63,24 @@ def calibration_only(session: Path, stages: Stages) -> CalibrationReport:
 
 def calibrate_into(session: Path, output: Path, pitch: float | None, stages: Stages) -> CalibrationReport:
     """Register a session into the new file `output`, and judge the calibration."""
-    from analysis.calibration_report import report_of
-    from analysis.registration import register
+    from analysis.calibration.register import register
+    from analysis.reconstruction.error_budget import budget_of
+    from analysis.registration.stack_file import read_stack
+    from analysis.reporting.calibration_report import report_of
     from instrument.session import Session
 
     with Session(session) as opened:
-        return report_of(opened, *register(opened, output, pitch, stages))
+        calibration = register(opened, output, pitch, stages)
+        with stages.measure("error budget"):
+            budget = budget_of(read_stack(output))
+        return report_of(opened, calibration, budget)
 
 
 def stack_from_session(
     session: Path, output: Path, pitch: float | None, stages: Stages
 ) -> tuple[Stack, CalibrationReport]:
     """Register a session into the file `output`; return the stack and the report of its calibration."""
-    from analysis.stack_file import read_stack
+    from analysis.registration.stack_file import read_stack
 
     report = calibrate_into(session, output, pitch, stages)
     return read_stack(output), report
@@ -83,7 +88,7 @@ def stack_from_session(
 
 def checks_text(report: CalibrationReport, *, tell_all: bool = False) -> str:
     """Return the checks that did not pass, or all, the worst first, and how many there are of each kind."""
-    from analysis.checks import Status, by_severity, count
+    from analysis.reporting.checks import Status, by_severity, count
 
     checks = by_severity(report.checks)
     lines = [
@@ -108,7 +113,7 @@ def budget_text(contributions: dict[str, float]) -> str:
 
 
 def _tell_stack(output: Path, report: CalibrationReport) -> None:
-    from analysis.stack_file import read_stack
+    from analysis.registration.stack_file import read_stack
 
     stack, figures = read_stack(output), report.figures
     click.echo(

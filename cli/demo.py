@@ -12,8 +12,8 @@ from cli.output import check_new, stage_announcer, table, write_json
 from cli.reconstruction import figures_table, result_from_stack
 
 if TYPE_CHECKING:
-    from analysis.rectification import Grid
-    from analysis.stack import Truth
+    from analysis.registration.grid import Grid
+    from analysis.registration.stack import Truth
     from analysis.stages import Stages
     from instrument.config import RigConfig
 
@@ -47,11 +47,11 @@ def demo(folder: Path, json_file: Path | None, quick: bool, force: bool, quiet: 
             path.unlink(missing_ok=True)
     folder.mkdir(parents=True, exist_ok=True)
     check_new(*written)
-    from analysis.calibration_report import write_calibration_page
-    from analysis.reconstruction import Options
-    from analysis.report import write_report
-    from analysis.result import write_result
-    from analysis.stack_file import read_stack, write_truth
+    from analysis.reconstruction.reconstruction import Options
+    from analysis.registration.stack_file import read_stack, write_truth
+    from analysis.reporting.calibration_report import write_calibration_page
+    from analysis.reporting.result_report import write_report
+    from analysis.results.result_file import write_result
     from analysis.stages import Stages
     from instrument.config import load_rig
 
@@ -84,7 +84,7 @@ def _capture(rig: RigConfig, session: Path, stages: Stages, *, quick: bool) -> N
 
 def truth_of(rig: RigConfig, grid: Grid) -> Truth:
     """Return what the simulation knows of the sample, to score with; nothing in the analysis reads it to fit."""
-    from analysis.stack import Truth
+    from analysis.registration.stack import Truth
     from drivers.simulated.world import World
 
     points = grid.points()

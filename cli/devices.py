@@ -109,7 +109,7 @@ def frame(
     rig_file: Path, exposure_time: float, region: tuple[int, int, int, int] | None, output: Path | None, as_json: bool
 ) -> None:
     """Take one frame of RIG (TOML) in the light: how bright, how sharp it is, and which boards it shows."""
-    from analysis.board_overlay import see_boards
+    from analysis.camera.live_boards import see_boards
     from instrument.config import load_rig
     from instrument.frame_facts import Region, frame_facts
     from instrument.rig import Rig

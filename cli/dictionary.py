@@ -25,7 +25,7 @@ def list_dictionaries(file: Path | None) -> None:
 
 
 def _built_in() -> str:
-    from analysis.dictionary import by_name
+    from analysis.reflectance.dictionary import by_name
 
     sources = {
         "parametric": "diffuse, grazing and lobe shapes; needs no measured data (default)",
@@ -36,7 +36,7 @@ def _built_in() -> str:
 
 
 def _materials(file: Path) -> str:
-    from analysis.dictionary_file import read_dictionary
+    from analysis.reflectance.dictionary_file import read_dictionary
     from instrument.look import refuse_dangerous
 
     refuse_dangerous(file)
@@ -54,9 +54,9 @@ def info(name: str) -> None:
     """Print the atoms of dictionary NAME, or of a file: model, parameters, curve at five half angles."""
     import numpy as np
 
-    from analysis.atoms import Atom
-    from analysis.dictionary import by_name
-    from analysis.reflectance import Cosines
+    from analysis.reflectance.atoms import Atom
+    from analysis.reflectance.dictionary import by_name
+    from analysis.reflectance.models import Cosines
     from instrument.look import refuse_dangerous
 
     refuse_dangerous(Path(name))
@@ -78,8 +78,8 @@ def info(name: str) -> None:
 def build(folder: Path, output: Path, categories: Path | None, quiet: bool) -> None:
     """Build a dictionary from the MERL files (*.binary) in DIR."""
     check_new(output)
-    from analysis.dictionary_build import build_dictionary
-    from analysis.dictionary_file import write_dictionary
+    from analysis.reflectance.dictionary_build import build_dictionary
+    from analysis.reflectance.dictionary_file import write_dictionary
 
     tables = build_dictionary(folder, categories, stage_announcer(quiet))
     write_dictionary(output, tables)

@@ -97,8 +97,8 @@ def _import_registered(
     folder: Path, positions: Path, width_mm: float, gamma: float | None, binning: int, output: Path
 ) -> None:
     check_new(output)
-    from analysis.importing import import_registered
-    from analysis.stack_file import write_stack
+    from analysis.registration.registered_pictures import import_registered
+    from analysis.registration.stack_file import write_stack
 
     found = positions if positions.exists() else folder / positions
     stack = import_registered(folder, found, width_mm, gamma, binning)

@@ -12,7 +12,7 @@ from cli.output import finite, table
 from instrument.validation import InvalidInputError, Problem, printable
 
 if TYPE_CHECKING:
-    from analysis.point_samples import PointCurve, PointSamples
+    from analysis.results.points import PointCurve, PointSamples
 
 FILE = click.Path(path_type=Path, dir_okay=False)
 
@@ -28,9 +28,8 @@ def point(result: Path, row: int, column: int, stack: Path | None, as_json: bool
 
     ROW and COLUMN count from 0 at the top left.
     """
-    from analysis.point_samples import point_curve, point_samples
-    from analysis.point_source import source_stack
-    from analysis.result import read_result
+    from analysis.results.points import point_curve, point_samples, source_stack
+    from analysis.results.result_file import read_result
     from instrument.look import refuse_dangerous
 
     refuse_dangerous(result)
@@ -44,7 +43,7 @@ def point(result: Path, row: int, column: int, stack: Path | None, as_json: bool
 
 
 def _values(curve: PointCurve, samples: PointSamples) -> dict[str, Any]:
-    from analysis.point_samples import USES
+    from analysis.results.points import USES
 
     return {
         "row": curve.row,
@@ -65,7 +64,7 @@ def _values(curve: PointCurve, samples: PointSamples) -> dict[str, Any]:
 def _text(curve: PointCurve, samples: PointSamples) -> str:
     import numpy as np
 
-    from analysis.point_samples import USES
+    from analysis.results.points import USES
 
     near, far, sigma = np.rad2deg([*curve.seen, curve.normal_sigma])
     seen = f"seen from {near:.1f} to {far:.1f} deg, normal known to {sigma:.3f} deg"

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis.quick_look import QuickLook
-from analysis.quick_look import quick_look as quick_look_of
+from analysis.quick_look.quick_look import QuickLook
+from analysis.quick_look.quick_look import quick_look as quick_look_of
 from instrument.look import refuse_dangerous
 from instrument.session import Session
 from instrument.validation import LINE_BREAK, InvalidInputError, Problem, printable
@@ -64,7 +64,7 @@ def write_picture(found: Found, path: Path) -> None:
     InvalidInputError
         If there are no normals to show.
     """
-    from analysis.quick_figure import quick_figure
+    from analysis.quick_look.figure import quick_figure
 
     if found.look.problems:
         problems = [Problem(str(found.path), what) for what in found.look.problems]

@@ -15,9 +15,9 @@ from cli.calibration import budget_text, stack_from_session
 from cli.output import check_new, parse_position, stage_announcer, table, write_json
 
 if TYPE_CHECKING:
-    from analysis.reconstruction import Options
-    from analysis.result import Result
-    from analysis.stack import Stack
+    from analysis.reconstruction.reconstruction import Options
+    from analysis.registration.stack import Stack
+    from analysis.results.result import Result
     from analysis.stages import Stages
 
 FILE = click.Path(path_type=Path, dir_okay=False)
@@ -87,9 +87,9 @@ def reconstruct(
 ) -> None:
     """Reconstruct normals, depth and BRDF from a SOURCE: a session or a registered stack."""
     check_new(output, *([json_file] if json_file else []))
-    from analysis.dictionary import by_name
-    from analysis.reconstruction import Options
-    from analysis.result import write_result
+    from analysis.reconstruction.reconstruction import Options
+    from analysis.reflectance.dictionary import by_name
+    from analysis.results.result_file import write_result
     from analysis.stages import Stages
     from instrument.look import refuse_dangerous
 
@@ -109,7 +109,7 @@ def reconstruct(
 
 def read_source(source: Path, registered: Path, pitch: float | None, stages: Stages) -> tuple[Stack, dict[str, Any]]:
     """Read a registered stack, or register a session into `registered`; return it and the calibration's figures."""
-    from analysis.stack_file import is_stack, read_stack
+    from analysis.registration.stack_file import is_stack, read_stack
     from instrument.json_text import parse_json
 
     if not is_stack(source):
@@ -125,9 +125,9 @@ def result_from_stack(
     stack: Stack, options: Options, stages: Stages, left_out: int, calibration: dict[str, Any], source: Path
 ) -> Result:
     """Reconstruct and score; `source` is the file that the stack came from, for provenance."""
-    from analysis.reconstruction import reconstruct as run
-    from analysis.result import result_of
-    from analysis.scoring import score, truth_error
+    from analysis.evaluation.scoring import score, truth_error
+    from analysis.reconstruction.reconstruction import reconstruct as run
+    from analysis.results.result import result_of
 
     reconstruction = run(stack, options, stages)
     with stages.measure("views left out"):
@@ -181,8 +181,8 @@ def figures_table(summary: dict[str, Any]) -> str:
 def render(result: Path, camera: str, light: str, light_power: float, output: Path) -> None:
     """Predict the picture of the area from any CAMERA and LIGHT, in the stack's radiance units and grid."""
     check_new(output)
-    from analysis.pictures import check_picture_name, write_picture
-    from analysis.result import read_result
+    from analysis.drawing.picture_file import check_picture_name, write_picture
+    from analysis.results.result_file import read_result
     from instrument.look import refuse_dangerous
 
     check_picture_name(output)
@@ -200,8 +200,8 @@ def render(result: Path, camera: str, light: str, light_power: float, output: Pa
 def report(result: Path, output: Path, title: str | None) -> None:
     """Make one HTML page of a RESULT."""
     check_new(output)
-    from analysis.report import write_report
-    from analysis.result import read_result
+    from analysis.reporting.result_report import write_report
+    from analysis.results.result_file import read_result
     from instrument.look import refuse_dangerous
 
     refuse_dangerous(result)

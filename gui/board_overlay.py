@@ -18,7 +18,7 @@ from gui.text import selectable
 from instrument.board_config import BoardConfig
 
 if TYPE_CHECKING:
-    from analysis.board_overlay import SeenBoards
+    from analysis.camera.live_boards import SeenBoards
 
 _REST = 2.0
 """Finding boards takes longer than a frame: it leaves two thirds of a core to the picture."""
@@ -81,7 +81,7 @@ class BoardOverlay(QObject):
 
 def _see(asked: tuple[NDArray[np.uint16], str], boards: Sequence[BoardConfig], focal_length_px: float) -> SeenBoards:
     # Imported here, in the worker, since it takes as long as opening the window.
-    from analysis.board_overlay import see_boards
+    from analysis.camera.live_boards import see_boards
 
     return see_boards(*asked, [board.record for board in boards], focal_length_px)
 

@@ -9,8 +9,8 @@ import numpy as np
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QLineEdit, QPushButton, QSplitter, QVBoxLayout, QWidget
 
-from analysis.checks import Status, count
-from analysis.saved_calibration import SavedCalibration, calibration_beside
+from analysis.reporting.calibration_file import SavedCalibration, calibration_beside
+from analysis.reporting.checks import Status, count
 from gui.checks_table import ChecksTable
 from gui.directions_plot import DirectionsPlot
 from gui.files import FileField

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from PySide6.QtCore import QCoreApplication, Qt, QTimer
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem, QWidget
 
-from analysis.checks import Check, Status
+from analysis.reporting.checks import Check, Status
 from gui.text import QT_TRANSLATE_NOOP
 from instrument.validation import printable
 

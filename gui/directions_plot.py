@@ -11,7 +11,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QWidget
 
-from analysis.saved_calibration import SavedView
+from analysis.reporting.calibration_file import SavedView
 from gui.plots import OKABE_ITO, Plot
 
 RING_DEG = 15

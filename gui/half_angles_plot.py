@@ -7,7 +7,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import QWidget
 
-from analysis.coverage import BIN_DEG, FEWEST, FEWEST_FIRST, JUDGED_TO_DEG, Coverage
+from analysis.registration.coverage import BIN_DEG, FEWEST, FEWEST_FIRST, JUDGED_TO_DEG, Coverage
 from gui.plots import OKABE_ITO, Plot
 from gui.text import QT_TRANSLATE_NOOP
 

@@ -13,7 +13,7 @@ from PySide6.QtGui import QColor
 from gui.plots import OKABE_ITO
 
 if TYPE_CHECKING:
-    from analysis.result_maps import ResultMap
+    from analysis.results.maps import ResultMap
 
 Pixels = NDArray[np.uint8]
 

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QWidget
 from gui.plots import CHANNEL_COLOURS, Plot
 
 if TYPE_CHECKING:
-    from analysis.point_samples import PointCurve, PointSamples
+    from analysis.results.points import PointCurve, PointSamples
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ class PointPlot(Plot):
 
     def show_samples(self, samples: PointSamples) -> int:
         """Show samples; return how many lie below zero, where this axis has no place."""
-        from analysis.point_samples import USED
+        from analysis.results.points import USED
 
         self._remove(self.dots)
         self.dots = []

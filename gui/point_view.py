@@ -13,8 +13,7 @@ from gui.point_plot import PointPlot
 from gui.text import QT_TRANSLATE_NOOP, selectable
 
 if TYPE_CHECKING:
-    from analysis.point_samples import PointCurve, PointSamples
-    from analysis.point_source import PointSource
+    from analysis.results.points import PointCurve, PointSamples, PointSource
 
 COUNTS = (
     QT_TRANSLATE_NOOP("PointView", "{n} samples used"),
@@ -22,7 +21,7 @@ COUNTS = (
     QT_TRANSLATE_NOOP("PointView", "{n} that do not fit (weighed down)"),
     QT_TRANSLATE_NOOP("PointView", "{n} not seen"),
 )
-"""In the order of `analysis.point_samples.USES`."""
+"""In the order of `analysis.results.points.USES`."""
 
 
 class PointView(QWidget):
@@ -106,14 +105,14 @@ class _Found(NamedTuple):
 
 
 def _curve(asked: tuple[PointSource, int, int]) -> PointCurve:
-    from analysis.point_samples import point_curve
+    from analysis.results.points import point_curve
 
     source, row, column = asked
     return point_curve(source.result, row, column)
 
 
 def _samples(asked: tuple[PointSource, int, int]) -> _Found:
-    from analysis.point_samples import counts_by_use
+    from analysis.results.points import counts_by_use
 
     source, row, column = asked
     samples = source.at(row, column)

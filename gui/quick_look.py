@@ -20,7 +20,7 @@ from instrument.preview import Preview
 from protocols.planned_poses import PlannedPoses
 
 if TYPE_CHECKING:
-    from analysis.quick_look import QuickLook
+    from analysis.quick_look.quick_look import QuickLook
     from protocols.next_pose import NextPose
 
 REST = 1.0
@@ -138,8 +138,8 @@ class QuickLookTab(QWidget):
 
 def _looked_at(asked: tuple[PlannedPoses, dict[int, Preview]]) -> Any:
     # Here, and not above: they take seconds to import, for which the window would not open.
-    from analysis.figures import normal_colours
-    from analysis.quick_look import quick_look
+    from analysis.drawing.colours import normal_colours
+    from analysis.quick_look.quick_look import quick_look
     from protocols.next_pose import next_pose
 
     planned, previews = asked

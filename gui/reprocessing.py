@@ -9,10 +9,10 @@ from pathlib import Path
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
 
-from analysis.reprocessing import Reprocessing, calibrating, reconstructing, reporting
 from gui.actions import ActionButton
 from gui.command import Command
 from gui.job import Job
+from gui.next_step import Reprocessing, calibrating, reconstructing, reporting
 from gui.text import selectable
 
 FINE = (0, 3)

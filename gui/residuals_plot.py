@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QWidget
 
-from analysis.residual_arrows import exaggeration, rounded_down
-from analysis.saved_calibration import SavedView
+from analysis.camera.residual_arrows import exaggeration, rounded_down
+from analysis.reporting.calibration_file import SavedView
 from gui.plots import OKABE_ITO, Plot
 
 Array = NDArray[np.float64]

@@ -20,9 +20,9 @@ from gui.point_view import PointView
 from gui.text import QT_TRANSLATE_NOOP, selectable
 
 if TYPE_CHECKING:
-    from analysis.point_source import PointSource
-    from analysis.result import Result
-    from analysis.result_maps import ResultMap
+    from analysis.results.maps import ResultMap
+    from analysis.results.points import PointSource
+    from analysis.results.result import Result
 
 RELIT = "relit"
 TITLES = {
@@ -35,7 +35,7 @@ TITLES = {
     "residual": QT_TRANSLATE_NOOP("ResultTab", "Residual"),
     RELIT: QT_TRANSLATE_NOOP("ResultTab", "Relit by a light to be dragged"),
 }
-"""What the operator reads, by the names of `analysis.result_maps.MAPS`."""
+"""What the operator reads, by the names of `analysis.results.maps.MAPS`."""
 
 _FEWEST_LETTERS = 8  # of a map's title
 _LIGHT_HEIGHT, _CAMERA_HEIGHT = 0.8, 2.0  # of what relights, in widths of the area
@@ -205,8 +205,8 @@ def _mark() -> tuple[pg.ScatterPlotItem, pg.ScatterPlotItem]:
 
 def _read(path: Path) -> PointSource:
     # Imported here, in the worker, since it takes as long as opening the window.
-    from analysis.point_source import PointSource
-    from analysis.result import read_result
+    from analysis.results.points import PointSource
+    from analysis.results.result_file import read_result
     from instrument.look import refuse_dangerous
 
     refuse_dangerous(path)
@@ -214,7 +214,7 @@ def _read(path: Path) -> PointSource:
 
 
 def _draw(asked: _Drawing) -> tuple[str, MapPicture]:
-    from analysis.result_maps import MAPS
+    from analysis.results.maps import MAPS
 
     shown = _relit(asked) if asked.name == RELIT else MAPS[asked.name](asked.result)
     return asked.name, map_picture(shown)
@@ -222,7 +222,7 @@ def _draw(asked: _Drawing) -> tuple[str, MapPicture]:
 
 def _relit(asked: _Drawing) -> ResultMap:
     """Return the area in the light of a lamp over a place of it."""
-    from analysis.result_maps import relit
+    from analysis.results.maps import relit
 
     width, height = (n * asked.result.grid.pitch for n in (asked.result.grid.width, asked.result.grid.height))
     x, y = asked.light

@@ -6,17 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis import reflectance
-from analysis.atoms import published
-from analysis.merl import MerlBrdf, cell_angles, write_merl
-from analysis.rusinkiewicz import cosines_from_angles
+from analysis.reflectance import models
+from analysis.reflectance.atoms import published
+from analysis.reflectance.merl import MerlBrdf, cell_angles, write_merl
+from analysis.reflectance.models import cosines_from_angles
 
 
 def merl_brdf(row: int) -> MerlBrdf:
     """Return the SGD fit of one material on MERL's grid, unmeasured below the horizon."""
     theta_h, theta_d, phi_d = cell_angles()
     cosines, above = cosines_from_angles(theta_h[:, None, None], theta_d[:, None], phi_d)
-    value = np.moveaxis(reflectance.sgd(cosines, published("sgd")[row]), -1, 0)
+    value = np.moveaxis(models.sgd(cosines, published("sgd")[row]), -1, 0)
     return MerlBrdf.from_brdf(np.where(above, value, np.nan))
 
 

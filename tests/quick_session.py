@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.quick_views import quick_grid
+from analysis.quick_look.views import quick_grid
 from drivers.simulated.world import World
 from instrument.config import RigConfig
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.stack import Stack, Truth
+from analysis.registration.stack import Stack, Truth
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.dictionary import Dictionary
+from analysis.reflectance.dictionary import Dictionary
 from benchmarks.brdf_domain import LOWEST_ELEVATION_DEG, Domain
 from benchmarks.brdf_materials import Angles, Bank, Collection, Material
 

@@ -20,9 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from analysis.extrapolation import THETA_D, THETA_H
-from analysis.reflectance import GRAZING, Array, Cosines
-from analysis.rusinkiewicz import cosines_from_angles
+from analysis.reflectance.completion import THETA_D, THETA_H
+from analysis.reflectance.models import GRAZING, Array, Cosines, cosines_from_angles
 from benchmarks.brdf_domain import Domain
 from benchmarks.brdf_methods.case import DOMAIN, Case
 

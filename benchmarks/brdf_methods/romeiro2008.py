@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.extrapolation import THETA_D
+from analysis.reflectance.completion import THETA_D
 from benchmarks.brdf_methods.case import DOMAIN, Case
 
 Array = NDArray[np.float64]

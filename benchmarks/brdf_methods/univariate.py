@@ -1,12 +1,12 @@
-"""The slice theta_d = 0 alone, completed by what the program itself uses (`analysis.extrapolation`)."""
+"""The slice theta_d = 0 alone, completed by what the program itself uses (`analysis.reflectance.completion`)."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.dictionary import Dictionary
-from analysis.extrapolation import complete_brdf
+from analysis.reflectance.completion import complete_brdf
+from analysis.reflectance.dictionary import Dictionary
 from benchmarks.brdf_methods.case import UNIVARIATE, Case
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ def complete_channels(theta_h: Array, samples: Array, dictionary: Dictionary, no
     Returns
     -------
     ndarray, shape (3, n_h, n_d)
-        Over `analysis.extrapolation.THETA_H` and `THETA_D`.
+        Over `analysis.reflectance.completion.THETA_H` and `THETA_D`.
     """
     return np.stack([_complete(theta_h, curve, dictionary, np.hypot(noise, RELATIVE_SIGMA)) for curve in samples.T])
 

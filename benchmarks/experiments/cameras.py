@@ -13,10 +13,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.figures import display_colours, normal_colours
-from analysis.metrics import angular_error_deg
-from analysis.reconstruction import reconstruct
-from analysis.stack import Stack
+from analysis.drawing.colours import display_colours, normal_colours
+from analysis.evaluation.metrics import angular_error_deg
+from analysis.reconstruction.reconstruction import reconstruct
+from analysis.registration.stack import Stack
 from benchmarks.experiment import Experiment, Finding, Request, Row, Verdict
 from benchmarks.scenes import Scene, relief
 

@@ -18,10 +18,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from analysis.dictionary import Dictionary
-from analysis.extrapolation import MIN_SAMPLES, atoms_on_slice
-from analysis.fitting import PixelProblem
-from analysis.metrics import angular_error_deg
+from analysis.evaluation.metrics import angular_error_deg
+from analysis.pixels.problem import PixelProblem
+from analysis.reflectance.completion import MIN_SAMPLES, atoms_on_slice
+from analysis.reflectance.dictionary import Dictionary
 from benchmarks.brdf_domain import LOWEST_ELEVATION_DEG, Domain
 from benchmarks.brdf_materials import Angles, Bank, Collection, collections
 from benchmarks.brdf_methods.case import LARGEST_DEG

@@ -13,11 +13,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.figures import display_colours, normal_colours
-from analysis.importing import import_registered
-from analysis.left_out import leave_out
-from analysis.reconstruction import Options, Reconstruction, reconstruct
-from analysis.stack import Stack
+from analysis.drawing.colours import display_colours, normal_colours
+from analysis.evaluation.held_out import leave_out
+from analysis.reconstruction.reconstruction import Options, Reconstruction, reconstruct
+from analysis.registration.registered_pictures import import_registered
+from analysis.registration.stack import Stack
 from benchmarks.experiment import Experiment, Finding, Request, Row, SkippedError, Verdict
 
 Array = NDArray[np.float64]

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from analysis.figures import display_colours
-from analysis.integration import integrate_normals
-from analysis.metrics import angular_error_deg
+from analysis.depth.integration import integrate_normals
+from analysis.drawing.colours import display_colours
+from analysis.evaluation.metrics import angular_error_deg
 from benchmarks.experiment import Experiment, Finding, Request, Row, Verdict
 from benchmarks.mitsuba_scenes.figures import grid_of, save, show, show_maps, show_normals
 from benchmarks.mitsuba_scenes.plate import AREA_MM

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from analysis.extrapolation import THETA_D, THETA_H
+from analysis.reflectance.completion import THETA_D, THETA_H
 from benchmarks.brdf_materials import Angles, Bank, Collection, collections
 from benchmarks.brdf_methods.case import slice_places
 from benchmarks.brdf_methods.dictionary_fit import coefficients

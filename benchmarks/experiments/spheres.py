@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.atoms import TabulatedAtom
-from analysis.dictionary import Dictionary
-from analysis.extrapolation import THETA_D, THETA_H
-from analysis.figures import display_colours
-from analysis.metrics import psnr_db
-from analysis.rusinkiewicz import cosines_from_angles
+from analysis.drawing.colours import display_colours
+from analysis.evaluation.metrics import psnr_db
+from analysis.reflectance.atoms import TabulatedAtom
+from analysis.reflectance.completion import THETA_D, THETA_H
+from analysis.reflectance.dictionary import Dictionary
+from analysis.reflectance.models import cosines_from_angles
 from benchmarks.brdf_materials import Angles, Bank, Collection, Material, collections
 from benchmarks.brdf_methods.case import slice_places
 from benchmarks.brdf_methods.univariate import complete_channels

@@ -16,8 +16,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.metrics import angular_error_deg, depth_rmse_without_plane, error_summary
-from analysis.result import Result
+from analysis.evaluation.metrics import angular_error_deg, depth_rmse_without_plane, error_summary
+from analysis.results.result import Result
 from benchmarks.experiment import Experiment, Finding, Request, Row, Verdict
 from benchmarks.mitsuba_scenes.figures import grid_of, save, show, show_normals, show_picture
 from benchmarks.mitsuba_scenes.prepared import Prepared, prepared, size_of, truth_as_seen

@@ -15,12 +15,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.atoms import Atom, published
-from analysis.editing import reweighted, swapped
-from analysis.figures import display_colours
-from analysis.materials import leading_material
-from analysis.reconstruction import Reconstruction, reconstruct
-from analysis.traits import GROUPED, TRAITS, Traits, pixel_traits, seen_angles, trait_index, trait_model
+from analysis.drawing.colours import display_colours
+from analysis.palette.editing import reweighted, swapped
+from analysis.palette.materials import leading_material
+from analysis.palette.traits import GROUPED, TRAITS, Traits, pixel_traits, seen_angles, trait_index, trait_model
+from analysis.reconstruction.reconstruction import Reconstruction, reconstruct
+from analysis.reflectance.atoms import Atom, published
 from benchmarks.experiment import Experiment, Finding, Request, Row, Verdict
 from benchmarks.methods import OTHER
 from benchmarks.scenes import DISTANCE_MM, Scene, material_rows, relief

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reconstruction import Options, reconstruct
-from analysis.registration import register
-from analysis.result import Result, read_result, result_of, write_result
-from analysis.stack import Stack
-from analysis.stack_file import read_stack
+from analysis.calibration.register import register
+from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.registration.stack import Stack
+from analysis.registration.stack_file import read_stack
+from analysis.results.result import Result, result_of
+from analysis.results.result_file import read_result, write_result
 from analysis.stages import Stages
 from benchmarks.mitsuba_scenes.plate import AREA_MM, boards
 from benchmarks.mitsuba_scenes.views import DISTANCE_MM, LIGHT_BY_RULER_MM, LIGHT_SIGMA_MM, Camera

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from analysis.figures import display_colours, normal_colours
+from analysis.drawing.colours import display_colours, normal_colours
 from benchmarks.mitsuba_scenes.relighting import read_linear
 
 Array = NDArray[np.float64]

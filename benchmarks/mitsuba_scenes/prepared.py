@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from analysis.rectification import Grid
-from analysis.result import Result
-from analysis.stack import Stack, Truth
+from analysis.registration.grid import Grid
+from analysis.registration.stack import Stack, Truth
+from analysis.results.result import Result
 from benchmarks.experiment import Request
 from benchmarks.mitsuba_scenes.chain import Chain
 from benchmarks.mitsuba_scenes.files import Rendering

@@ -9,11 +9,12 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from analysis.figures import display_colours
-from analysis.metrics import psnr_db
-from analysis.rectification import View, rectify
-from analysis.result import Result
-from analysis.stack import Stack
+from analysis.camera.view import View
+from analysis.drawing.colours import display_colours
+from analysis.evaluation.metrics import psnr_db
+from analysis.registration.rectification import rectify
+from analysis.registration.stack import Stack
+from analysis.results.result import Result
 from benchmarks.colour_difference import ciede2000, lab_from_srgb
 from benchmarks.mitsuba_scenes.prepared import Prepared
 from benchmarks.mitsuba_scenes.views import Camera, Placement, captured, novel

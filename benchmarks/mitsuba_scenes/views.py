@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from analysis.rectification import View
+from analysis.camera.view import View
 from instrument.config import load_protocol
 from protocols.plan import stated_poses
 

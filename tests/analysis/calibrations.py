@@ -7,18 +7,18 @@ from functools import cache
 
 import numpy as np
 
-from analysis.board_findings import board_findings
-from analysis.board_layout import BoardLayout
-from analysis.camera_calibration import CameraCalibration
-from analysis.checks import Check
-from analysis.exposure_ratios import ExposureRatios
-from analysis.light_calibration import LightOffset
-from analysis.photometry import WhiteSamples, fit_photometry
-from analysis.radiometry import RadiometryFindings
-from analysis.saturation import Saturation
-from analysis.session_calibration import Calibration
-from analysis.session_facts import SessionFacts
-from analysis.session_light import Lighting, views_of
+from analysis.calibration.light import Lighting
+from analysis.calibration.session import Calibration
+from analysis.camera.board_findings import board_findings
+from analysis.camera.board_layout import BoardLayout
+from analysis.camera.calibration import CameraCalibration, views_of
+from analysis.light.photometry import WhiteSamples, fit_photometry
+from analysis.radiometry.conversion import RadiometryFindings
+from analysis.radiometry.exposure_ratios import ExposureRatios
+from analysis.radiometry.saturation import Saturation
+from analysis.registration.lighting import LightOffset
+from analysis.reporting.checks import Check
+from analysis.reporting.session_facts import SessionFacts
 from tests.analysis.board_pictures import HEIGHT, WIDTH
 from tests.analysis.test_camera_calibration import BOARDS, POSES, TRUE, calibrated, corners_from
 

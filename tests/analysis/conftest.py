@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analysis.dictionary import parametric
-from analysis.fitting import Noise, PixelProblem
-from analysis.pixel_fits import PixelFits
-from analysis.reconstruction import Reconstruction, reconstruct
-from analysis.stack import Stack
+from analysis.pixels.fits import PixelFits
+from analysis.pixels.problem import Noise, PixelProblem
+from analysis.reconstruction.reconstruction import Reconstruction, reconstruct
+from analysis.reflectance.dictionary import parametric
+from analysis.registration.stack import Stack
 from tests.synthetic import make_stack
 
 NOISE = Noise(relative=1e-3, floor=0.0)

@@ -3,9 +3,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.atoms import published
-from analysis.categories import categories
-from analysis.merl import cell_angles
+from analysis.reflectance.atoms import published
+from analysis.reflectance.categories import categories
+from analysis.reflectance.merl import cell_angles
 from benchmarks.brdf_materials import (
     LEAST_MATERIALS,
     TABLES,

@@ -4,8 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.reflectance import Cosines
-from analysis.rusinkiewicz import cosines_from_angles
+from analysis.reflectance.models import Cosines, cosines_from_angles
 from benchmarks.brdf_domain import LOWEST_ELEVATION_DEG, Domain
 from benchmarks.brdf_materials import Collection, fitted
 from benchmarks.brdf_methods import xu2016

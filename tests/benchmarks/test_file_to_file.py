@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from analysis.metrics import angular_error_deg
+from analysis.evaluation.metrics import angular_error_deg
 from benchmarks.file_to_file import file_to_file, timed
 from benchmarks.scenes import relief
 

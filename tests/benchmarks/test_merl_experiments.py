@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.atoms import published
+from analysis.reflectance.atoms import published
 from benchmarks.brdf_domain import BANDS_DEG
 from benchmarks.experiment import Experiment, Finding, Request, Row, Verdict
 from benchmarks.experiments import baseline, identifiability, images, methods, slices, spheres

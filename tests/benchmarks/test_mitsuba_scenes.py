@@ -10,9 +10,9 @@ import OpenEXR
 import pytest
 from PIL import Image
 
-from analysis.board_pattern import pattern
-from analysis.metrics import angular_error_deg
-from analysis.rectification import Grid
+from analysis.camera.board_pattern import pattern
+from analysis.evaluation.metrics import angular_error_deg
+from analysis.registration.grid import Grid
 from benchmarks.experiment import Request, SkippedError
 from benchmarks.experiments import synthetic
 from benchmarks.mitsuba_scenes import render as rendering

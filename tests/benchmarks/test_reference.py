@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analysis.atoms import Atom
-from analysis.dictionary import Dictionary, from_published
-from analysis.metrics import angular_error_deg
-from analysis.reflectance import Cosines
+from analysis.evaluation.metrics import angular_error_deg
+from analysis.reflectance.atoms import Atom
+from analysis.reflectance.dictionary import Dictionary, from_published
+from analysis.reflectance.models import Cosines
 from benchmarks.methods import METHODS
 from benchmarks.reference import (
     CAP_DEG,

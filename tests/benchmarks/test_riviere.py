@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.metrics import angular_error_deg
+from analysis.evaluation.metrics import angular_error_deg
 from benchmarks.experiments.riviere import Estimate, errors
 from benchmarks.riviere2016 import Backscatter, recover
 

@@ -10,14 +10,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.merged_frames import MergedFrames
-from analysis.reconstruction import Options, Reconstruction, reconstruct
-from analysis.registration import register
-from analysis.result import result_of, write_result
-from analysis.scoring import score
-from analysis.session_calibration import Calibration
-from analysis.stack import Stack
-from analysis.stack_file import read_stack
+from analysis.calibration.register import register
+from analysis.calibration.session import Calibration
+from analysis.evaluation.scoring import score
+from analysis.radiometry.frames import MergedFrames
+from analysis.reconstruction.reconstruction import Options, Reconstruction, reconstruct
+from analysis.registration.stack import Stack
+from analysis.registration.stack_file import read_stack
+from analysis.results.result import result_of
+from analysis.results.result_file import write_result
 from drivers.simulated.truth import Truth
 from drivers.simulated.world import World
 from instrument.config import load_protocol, load_rig
@@ -98,7 +99,7 @@ def simulate(folder: Path) -> Iterator[Simulated]:
     rig = load_rig(rig_file)
     capture(rig, load_protocol(protocol_file), folder / "s.h5")
     with Session(folder / "s.h5") as session:
-        calibration, _ = register(session, folder / "area.stack.h5", PITCH_MM)
+        calibration = register(session, folder / "area.stack.h5", PITCH_MM)
         stack = read_stack(folder / "area.stack.h5")
         # Pixels on their own: a palette takes a minute and is not what is checked.
         result = reconstruct(stack, Options(palette="off"))

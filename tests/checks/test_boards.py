@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.board_findings import board_findings
-from analysis.board_layout import BoardLayout
-from analysis.boards import detect_corners
-from analysis.parallax import follow_pixels
+from analysis.camera.board_detection import detect_corners
+from analysis.camera.board_findings import board_findings
+from analysis.camera.board_layout import BoardLayout
+from analysis.pixels.parallax import follow_pixels
 from instrument.records import Board
 from tests.analysis import board_pictures as pictures
 from tests.analysis import test_camera_calibration as bundle

@@ -8,12 +8,12 @@ import h5py
 import numpy as np
 import pytest
 
-from analysis.metrics import angular_error_deg
-from analysis.pixel_samples import BLACK, TOO_FEW_VIEWS
-from analysis.reconstruction import Options, reconstruct
-from analysis.result import read_result
-from analysis.session_light import views_of
-from analysis.stack_file import read_stack
+from analysis.camera.calibration import views_of
+from analysis.evaluation.metrics import angular_error_deg
+from analysis.pixels.samples import BLACK, TOO_FEW_VIEWS
+from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.registration.stack_file import read_stack
+from analysis.results.result_file import read_result
 from tests.checks.conftest import Record
 from tests.checks.simulated import PITCH_MM, Simulated
 from tests.checks.worlds import NeutralWorld

@@ -8,12 +8,12 @@ import h5py
 import numpy as np
 import pytest
 
-from analysis.depth_shape import shape_terms
-from analysis.dictionary import parametric
-from analysis.fitting import Noise
-from analysis.gross_shape import NO_SHAPE, gross_shape
-from analysis.integration import integrate_normals
-from analysis.stack_file import read_stack, write_stack
+from analysis.depth.integration import integrate_normals
+from analysis.evaluation.metrics import shape_terms
+from analysis.pixels.problem import Noise
+from analysis.reconstruction.gross_shape import NO_SHAPE, gross_shape
+from analysis.reflectance.dictionary import parametric
+from analysis.registration.stack_file import read_stack, write_stack
 from instrument.validation import InvalidInputError
 from tests.analysis.test_integration import bump_up_right, error, quadratic, surface, with_holes
 from tests.checks.conftest import Record

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.flat_field import WARN_GAIN, fit_flat_field, prediction_error
-from analysis.metrics import angular_error_deg
-from analysis.reconstruction import Options, reconstruct
-from analysis.rectification import Grid
-from analysis.stack import Stack
-from analysis.stack_file import read_stack, write_stack
+from analysis.evaluation.metrics import angular_error_deg
+from analysis.light.flat_field import WARN_GAIN, fit_flat_field, prediction_error
+from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.registration.grid import Grid
+from analysis.registration.stack import Stack
+from analysis.registration.stack_file import read_stack, write_stack
 from tests.analysis import test_flat_field as flats
 from tests.checks.conftest import Record
 from tests.synthetic import camera_ring, make_stack

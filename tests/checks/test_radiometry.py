@@ -9,13 +9,13 @@ import h5py
 import numpy as np
 import pytest
 
-from analysis.exposure_ratios import WARN_DEVIATION
-from analysis.hdr import Sensor, merge_bracket
-from analysis.merged_frames import MergedFrames
-from analysis.metrics import angular_error_deg
-from analysis.pixel_samples import CLIPPED
-from analysis.reconstruction import Options, reconstruct
-from analysis.response_fit import fit_response
+from analysis.evaluation.metrics import angular_error_deg
+from analysis.pixels.samples import CLIPPED
+from analysis.radiometry.exposure_ratios import WARN_DEVIATION
+from analysis.radiometry.frames import MergedFrames
+from analysis.radiometry.hdr import Sensor, merge_bracket
+from analysis.radiometry.response_fit import fit_response
+from analysis.reconstruction.reconstruction import Options, reconstruct
 from instrument import layout
 from instrument.pictures.importing import prepare_import
 from instrument.pictures.writing import write_import

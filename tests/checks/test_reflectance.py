@@ -7,15 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import reflectance
-from analysis.atoms import published
-from analysis.dictionary import from_published
-from analysis.extrapolation import THETA_D, THETA_H, atom_on_nodes, atoms_on_slice, complete_brdf
-from analysis.merl import SHAPE, MerlBrdf, cell_angles, read_merl, write_merl
-from analysis.pixel_fits import PixelFits
-from analysis.reconstruction import Options, reconstruct
-from analysis.reflectance import Cosines
-from analysis.rusinkiewicz import cosines_from_angles
+from analysis.pixels.fits import PixelFits
+from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.reflectance import models
+from analysis.reflectance.atoms import published
+from analysis.reflectance.completion import THETA_D, THETA_H, atom_on_nodes, atoms_on_slice, complete_brdf
+from analysis.reflectance.dictionary import from_published
+from analysis.reflectance.merl import SHAPE, MerlBrdf, cell_angles, read_merl, write_merl
+from analysis.reflectance.models import Cosines, cosines_from_angles
 from benchmarks.beyond_slice import without
 from tests.checks.conftest import Record
 from tests.checks.test_light import lambertian_plane
@@ -59,7 +58,7 @@ def test_a_file_of_the_merl_format_is_understood_as_it_is_meant(record: Record, 
     planes = np.frombuffer(content, "<f8", offset=12).reshape(3, 90, 90, 180)
     i, j, k = (a.ravel() for a in np.meshgrid([2, 20, 55], [5, 30], [10, 90], indexing="ij"))
     angles = np.deg2rad((i + 0.5) ** 2 / 90.0), np.deg2rad(j + 0.5), np.deg2rad(k + 0.5)
-    true = reflectance.sgd(cosines_from_angles(*angles)[0], published("sgd")[2])
+    true = models.sgd(cosines_from_angles(*angles)[0], published("sgd")[2])
     scales = np.array([1.0, 1.15, 1.66]) / 1500.0
     found = planes[:, i, j, k].T * scales
     above = (planes[:, i, j, k] >= 0.0).T

@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.rectification import Grid, View, rectify
-from analysis.stack import Stack
+from analysis.camera.view import View
+from analysis.registration.grid import Grid
+from analysis.registration.rectification import rectify
+from analysis.registration.stack import Stack
 from drivers.simulated.clock import VirtualClock
 from drivers.simulated.materials import Microfacet, table
 from drivers.simulated.scene import build_scene

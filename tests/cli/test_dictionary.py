@@ -12,13 +12,13 @@ import h5py
 import numpy as np
 import pytest
 
-from analysis.atoms import TabulatedAtom, published
-from analysis.dictionary import by_name
-from analysis.dictionary_file import MaterialTables, read_dictionary, write_dictionary
-from analysis.merl import cell_angles
-from analysis.result import read_result
-from analysis.rusinkiewicz import cosines_from_angles
-from analysis.stack_file import write_stack
+from analysis.reflectance.atoms import TabulatedAtom, published
+from analysis.reflectance.dictionary import by_name
+from analysis.reflectance.dictionary_file import MaterialTables, read_dictionary, write_dictionary
+from analysis.reflectance.merl import cell_angles
+from analysis.reflectance.models import cosines_from_angles
+from analysis.registration.stack_file import write_stack
+from analysis.results.result_file import read_result
 from cli.main import main
 from instrument.validation import InvalidInputError
 from tests.merl_files import write_materials

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from analysis.light_calibration import pooled_light_offset
-from analysis.stack_file import read_stack
+from analysis.light.offset import pooled_light_offset
+from analysis.registration.stack_file import read_stack
 from cli.main import main
 
 SHARED = Path(os.environ.get("HALFANGLE_SHARED_DATA", Path(__file__).parents[3] / "shared" / "data"))

@@ -10,8 +10,8 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from analysis.point_samples import USES
-from analysis.stack_file import read_stack, write_stack
+from analysis.registration.stack_file import read_stack, write_stack
+from analysis.results.points import USES
 from cli.main import main
 from tests.synthetic import make_stack
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.metrics import angular_error_deg
-from analysis.reconstruction import Options, reconstruct
-from analysis.result import read_result
-from analysis.stack import Stack
-from analysis.stack_file import read_stack, write_truth
+from analysis.evaluation.metrics import angular_error_deg
+from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.registration.stack import Stack
+from analysis.registration.stack_file import read_stack, write_truth
+from analysis.results.result_file import read_result
 from cli.demo import EXAMPLES, truth_of
 from cli.main import main
 from drivers.simulated.world import World

@@ -13,9 +13,9 @@ import h5py
 import numpy as np
 import pytest
 
-from analysis.metrics import angular_error_deg
-from analysis.result import read_result
-from analysis.stack_file import read_stack
+from analysis.evaluation.metrics import angular_error_deg
+from analysis.registration.stack_file import read_stack
+from analysis.results.result_file import read_result
 from cli.demo import EXAMPLES
 from drivers.simulated.world import World
 from instrument import layout

@@ -10,9 +10,9 @@ import pytest
 from PySide6.QtCore import QPointF, Qt
 from pytestqt.qtbot import QtBot
 
-from analysis.calibration_checks import calibration_checks
-from analysis.calibration_report import CalibrationReport
-from analysis.checks import by_severity
+from analysis.reporting.calibration_checks import calibration_checks
+from analysis.reporting.calibration_report import CalibrationReport
+from analysis.reporting.checks import by_severity
 from cli.output import write_json
 from gui.calibration_tab import CalibrationTab
 from gui.checks_table import OUTCOMES

@@ -10,11 +10,12 @@ import pytest
 from PySide6.QtCore import QPointF, Qt
 from pytestqt.qtbot import QtBot
 
-from analysis.point_samples import USED, point_curve, point_samples
-from analysis.reconstruction import Options, reconstruct
-from analysis.result import Result, read_result, result_of, write_result
-from analysis.stack import Stack
-from analysis.stack_file import write_stack
+from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.registration.stack import Stack
+from analysis.registration.stack_file import write_stack
+from analysis.results.points import USED, point_curve, point_samples
+from analysis.results.result import Result, result_of
+from analysis.results.result_file import read_result, write_result
 from benchmarks.scenes import relief
 from gui.result_tab import RELIT, TITLES, ResultTab
 from gui.watchdog import Watchdog

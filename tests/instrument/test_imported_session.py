@@ -10,7 +10,7 @@ import pytest
 import silx.io
 from silx.io.nxdata import NXdata, get_default
 
-from analysis.stated import stated
+from analysis.calibration.nominal import stated
 from instrument import layout
 from instrument.digests import text_digest
 from instrument.import_plan import ImportPlan, Source

@@ -4,12 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.atoms import TabulatedAtom
-from analysis.dictionary_file import Material, MaterialTables, write_dictionary
-from analysis.reconstruction import Options, reconstruct
-from analysis.result import result_of, write_result
-from analysis.scoring import score, truth_error
-from analysis.stack_file import write_stack
+from analysis.evaluation.scoring import score, truth_error
+from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.reflectance.atoms import TabulatedAtom
+from analysis.reflectance.dictionary_file import Material, MaterialTables, write_dictionary
+from analysis.registration.stack_file import write_stack
+from analysis.results.result import result_of
+from analysis.results.result_file import write_result
 from analysis.stages import Stages
 from protocols.engine import capture
 from tests.protocols.fakes import FakeBench, protocol_config, rig_config

@@ -11,10 +11,10 @@ import hdf5plugin
 import numpy as np
 import pytest
 
-from analysis.dictionary_file import read_dictionary
-from analysis.report import write_report
-from analysis.result import read_result
-from analysis.stack_file import read_stack
+from analysis.reflectance.dictionary_file import read_dictionary
+from analysis.registration.stack_file import read_stack
+from analysis.reporting.result_report import write_report
+from analysis.results.result_file import read_result
 from instrument import layout
 from instrument.session import Session
 from instrument.validation import InvalidInputError, Problem

@@ -20,11 +20,11 @@ from zlib import crc32
 
 import numpy as np
 
-from analysis.dictionary import by_name
-from analysis.reflectance import Cosines
-from analysis.report import write_report
-from analysis.result import read_result
-from analysis.stack_file import is_stack, read_stack
+from analysis.reflectance.dictionary import by_name
+from analysis.reflectance.models import Cosines
+from analysis.registration.stack_file import is_stack, read_stack
+from analysis.reporting.result_report import write_report
+from analysis.results.result_file import read_result
 from instrument.look import look
 from instrument.session import Session
 from instrument.summary import summarise_here

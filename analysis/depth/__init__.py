@@ -1,0 +1,1 @@
+"""Depth from normals, and how certain it is."""

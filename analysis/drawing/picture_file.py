@@ -1,0 +1,48 @@
+"""Pictures to and from files: EXR and NumPy for linear values, PNG for display."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenEXR
+from numpy.typing import NDArray
+
+from analysis.drawing.colours import display_colours
+from analysis.drawing.figures import picture
+from instrument.validation import InvalidInputError, Problem
+
+SUFFIXES = (".exr", ".npy", ".png")
+
+
+def check_picture_name(path: Path) -> None:
+    """Raise unless `path` ends in a format that can be written.
+
+    Raises
+    ------
+    InvalidInputError
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        problem = Problem(str(path), f"ends in {path.suffix!r}; pictures are written as {', '.join(SUFFIXES)}")
+        raise InvalidInputError("The picture cannot be written.", [problem])
+
+
+def write_picture(path: Path, radiance: NDArray[np.float64]) -> None:
+    """Write linear radiance (height, width, 1 or 3); NaN stays NaN in .exr and .npy.
+
+    Raises
+    ------
+    InvalidInputError
+        If the name's ending is not one of `SUFFIXES`.
+    """
+    check_picture_name(path)
+    linear = radiance.astype(np.float32)
+    if path.suffix.lower() == ".npy":
+        np.save(path, linear)
+    elif path.suffix.lower() == ".png":
+        path.write_bytes(picture(display_colours(radiance)))
+    else:
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        channels: dict[str, Any] = {"RGB" if linear.shape[-1] == 3 else "Y": np.ascontiguousarray(linear.squeeze())}
+        OpenEXR.File(header, channels).write(str(path))

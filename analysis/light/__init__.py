@@ -1,0 +1,1 @@
+"""The light: its place, powers and fall-off."""

@@ -1,0 +1,1 @@
+"""The few materials that a scene's pixels share."""

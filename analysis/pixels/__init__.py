@@ -1,0 +1,1 @@
+"""Normal and BRDF of single pixels."""

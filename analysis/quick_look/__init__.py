@@ -1,0 +1,1 @@
+"""Normals during a capture, from previews and nominal poses."""

@@ -1,0 +1,1 @@
+"""From counts to radiance: darks, response, noise, HDR merge."""

@@ -1,0 +1,1 @@
+"""From a registered stack to normals, depth and BRDF."""

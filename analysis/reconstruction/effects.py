@@ -1,0 +1,241 @@
+"""Which effects a scene needs modelled: each chosen from evidence, with its reason, or forced by an option.
+
+Every `choose_` function takes the option's value (`reconstruction.Options`) and returns what follows from the
+choice and the `Choice` to record.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.light.offset import FEW_VIEWS, estimate_light_offset, pooled_light_offset
+from analysis.palette.scene import FEWEST_SOLVED, NO_PALETTE_SHARE, ScenePalette, learn, relearn
+from analysis.pixels.parallax import follow_pixels, parallax_shift
+from analysis.pixels.problem import Noise, PixelProblem, estimate_noise, sample_pixels
+from analysis.reflectance.dictionary import Dictionary
+from analysis.registration.lighting import LightOffset, lit_from, looking_at_centre
+from analysis.registration.stack import Stack
+
+Array = NDArray[np.float64]
+
+SMALLEST_PARALLAX_PX = 0.1
+"""A shift of the views by less is not worth resampling them for."""
+
+FAR_FIELD_DEG = 0.02
+"""Directions that differ by less over the area are all the same."""
+
+FEWEST_PIXELS = 400
+"""A palette is not looked for in fewer."""
+
+POWER_ERROR, POWER_GAIN = 0.004, 0.02
+"""Spread of the views' power, and fall of the loss, from which on it is corrected: 0.1 % bends no normal."""
+
+_FAR, _POWER_ROUNDS = 1e4, 3
+
+
+def choose_field(stack: Stack, field: str) -> tuple[Stack, Choice]:
+    """Give every pixel its own directions, or that of the centre where they are the same."""
+    corners = stack.grid.points()[[0, 0, -1, -1], [0, -1, 0, -1]]
+    to_centre = stack.light_position / np.linalg.norm(stack.light_position, axis=1, keepdims=True)
+    to_corner = stack.light_position[:, None] - corners
+    to_corner /= np.linalg.norm(to_corner, axis=-1, keepdims=True)
+    widest = float(np.rad2deg(np.max(np.linalg.norm(to_corner - to_centre[:, None], axis=-1))))
+    near = widest > FAR_FIELD_DEG if field == "auto" else field == "near"
+    text = f"directions to the light turn by up to {widest:.3g} deg between the centre and a corner"
+    choice = Choice("field", "near" if near else "far", text if field == "auto" else "forced by option")
+    return (stack if near else far_field(stack)), choice
+
+
+def far_field(stack: Stack) -> Stack:
+    """Return the stack with camera and light so far away that every pixel has the centre's directions and fall-off."""
+    return replace(
+        stack,
+        camera_position=_FAR * stack.camera_position,
+        light_position=_FAR * stack.light_position,
+        light_power=_FAR**2 * stack.light_power,
+    )
+
+
+def choose_palette(
+    stack: Stack, dictionary: Dictionary, noise: Noise, palette: str, surface: bool, rng: np.random.Generator
+) -> tuple[ScenePalette | None, Choice]:
+    """Find the scene's materials, unless its pixels have nothing in common."""
+    if palette == "off":
+        return None, Choice("palette", "off", "forced by option")
+    if not surface:
+        return None, Choice("palette", "off", "independent pixels share no materials")
+    n_pixels = len(sample_pixels(stack, FEWEST_PIXELS, rng))
+    if palette == "auto" and n_pixels < FEWEST_PIXELS:
+        return None, Choice(
+            "palette", "off", f"{n_pixels} pixels are too few to tell materials; {FEWEST_PIXELS} are enough"
+        )
+    scene = learn(stack, dictionary, noise, None, rng)
+    if scene is None:
+        return None, Choice("palette", "off", f"fewer than {FEWEST_SOLVED} pixels could be solved on their own")
+    n, unfit = scene.found.palette.n_materials, 100.0 * scene.unfit_share
+    losses = f"mean log(1 + loss) {scene.found.loss:.3f} with it, {scene.found.own_loss:.3f} of pixels on their own"
+    if palette == "auto" and scene.unfit_share > NO_PALETTE_SHARE:
+        return None, Choice("palette", "off", f"{unfit:.0f} % of the area is none of the {n} materials found; {losses}")
+    noun = "material" if n == 1 else "materials"
+    return scene, Choice("palette", f"{n} {noun}", f"{losses}; {unfit:.0f} % of the area solved on its own")
+
+
+def choose_power(
+    stack: Stack, scene: ScenePalette | None, noise: Noise, power: str
+) -> tuple[Stack, ScenePalette | None, Choice]:
+    """Correct each view's light power by what all pixels say, if it is off and the fit the better for it."""
+    if scene is None:
+        return stack, None, Choice("light power", "given", "without a palette nothing tells a view's power")
+    if power == "given":
+        return stack, scene, Choice("light power", "given", "forced by option")
+    corrected, better = stack, scene
+    for _ in range(_POWER_ROUNDS):
+        factor = better.power_factors(corrected)
+        if np.std(factor) < POWER_ERROR / 4:
+            break
+        corrected = replace(corrected, light_power=corrected.light_power * factor)
+        better = relearn(better, corrected, noise, None)
+    ratio = corrected.light_power / stack.light_power
+    off, gain = float(np.std(ratio / ratio.mean())), scene.found.loss - better.found.loss
+    if off == 0.0:
+        return stack, scene, Choice("light power", "given", f"views are within {POWER_ERROR / 4:.1%} of it")
+    text = f"views differ by {off:.2%} from their stated power; corrected, the loss falls by {gain:.3f}"
+    if power == "estimate" or (off > POWER_ERROR and gain > POWER_GAIN):
+        return corrected, better, Choice("light power", "per view", text)
+    return stack, scene, Choice("light power", "given", text)
+
+
+def choose_light(
+    stack: Stack, dictionary: Dictionary, light: str, rng: np.random.Generator
+) -> tuple[Stack, Choice, LightOffset | None]:
+    """Place the light as the options say."""
+    if light == "collocated":
+        collocated = replace(stack, light_position=stack.camera_position)
+        return collocated, Choice("light", "collocated", "forced by option"), None
+    if light in {"auto", "given"}:
+        distance = np.linalg.norm(stack.light_position - stack.camera_position, axis=1)
+        text = f"{distance.mean():.2f} mm from the lens, as the stack says"
+        return stack, Choice("light", "collocated" if distance.max() < 1e-6 else "offset", text), None
+    if stack.camera_rotation is None:
+        stack = replace(stack, camera_rotation=looking_at_centre(stack.camera_position))
+    found = pooled_light_offset(stack)
+    if stack.n_views >= FEW_VIEWS:
+        noise = estimate_noise(lit_from(stack, found), dictionary, rng)
+        found = estimate_light_offset(stack, dictionary, noise, LightOffset(found.value, np.full(3, np.inf)), rng)
+    return lit_from(stack, found), _light_choice(found), found
+
+
+def light_is_uncertain(stack: Stack, light: str) -> bool:
+    """Tell whether the stack itself says that its light may stand elsewhere, and nothing forbids to look."""
+    known = stack.camera_rotation is not None and stack.light_offset is not None
+    return light == "auto" and known and stack.light_offset_sigma is not None
+
+
+def refine_light(
+    stack: Stack, fitted: Stack, depth: Array, dictionary: Dictionary, noise: Noise, rng: np.random.Generator
+) -> tuple[Stack, Choice, LightOffset]:
+    """Find the light again, now that the relief no longer blurs the highlights."""
+    assert stack.light_offset is not None
+    assert stack.light_offset_sigma is not None
+    # What came before was found on the flat plane; its sigma does not know of the relief.
+    prior = LightOffset(stack.light_offset, np.maximum(stack.light_offset_sigma, 1.0))
+    found = estimate_light_offset(fitted, dictionary, noise, prior, rng, depth)
+    return lit_from(stack, found), _light_choice(found), found
+
+
+def _light_choice(found: LightOffset) -> Choice:
+    (x, y), (sigma_x, sigma_y) = found.value[:2], found.sigma[:2]
+    text = f"highlights put it at ({x:.2f}, {y:.2f}) ± ({sigma_x:.2f}, {sigma_y:.2f}) mm from the lens"
+    return Choice("light", "offset", text)
+
+
+def choose_parallax(
+    stack: Stack,
+    depth: Array,
+    dictionary: Dictionary,
+    noise: Noise,
+    parallax: str,
+    rng: np.random.Generator,
+) -> tuple[bool, Choice]:
+    """Tell from the residuals whether the views are registered to the plane or already to the surface.
+
+    A stack made on the plane fits best when resampled along the depth and worst against it; one made on the
+    surface fits as badly either way. The two are compared with each other, since resampling itself smooths
+    the noise and so lowers residuals, whichever its direction.
+    """
+    if parallax != "auto":
+        return parallax == "on", Choice("parallax", parallax, "forced by option")
+    pixels = sample_pixels(stack, 1500, rng)
+    shift = np.linalg.norm(parallax_shift(stack, depth, pixels), axis=-1)
+    largest = float(np.percentile(shift, 99))
+    if largest < SMALLEST_PARALLAX_PX:
+        return False, Choice("parallax", "off", f"the depth moves the views by {largest:.2f} pixels at most")
+    moved = np.sort(pixels[np.argsort(shift.max(axis=0))[len(pixels) // 2 :]])
+    loss = {
+        name: _log_loss(PixelProblem(stack, dictionary, moved, depth, samples), noise)
+        for name, samples in (
+            ("as is", None),
+            ("along", follow_pixels(stack, depth, moved)),
+            ("against", follow_pixels(stack, -depth, moved)),
+        )
+    }
+    # Quadratic in the error of the shift: 0, z, 2 z along, as is, against on the plane; z, 0, z on the surface.
+    follow = loss["against"] - loss["along"] > 0.5 * max(loss["against"] - loss["as is"], 0.0)
+    text = (
+        f"shift up to {largest:.1f} pixels; mean log loss {loss['as is']:.2f} as is, "
+        f"{loss['along']:.2f} along the depth, {loss['against']:.2f} against it"
+    )
+    return follow, Choice("parallax", "on" if follow else "off", text)
+
+
+def depth_has_settled(stack: Stack, used: Array, found: Array, follow: bool) -> tuple[bool, str]:
+    """Tell whether the depth that was found moves anything against the one that it was found with, and say how far.
+
+    Parameters
+    ----------
+    stack : Stack
+    used, found : ndarray, shape (H, W)
+        Millimetres; NaN = hole.
+    follow : bool
+        Whether views are resampled along the depth.
+    """
+    change = float(np.nanpercentile(np.abs(found - used), 99)) if np.isfinite(found - used).any() else 0.0
+    turn = float(np.rad2deg(change / np.linalg.norm(stack.light_position, axis=1).min()))
+    C = stack.camera_position
+    shift = change * float(np.max(np.hypot(C[:, 0], C[:, 1]) / C[:, 2])) / stack.pixel_pitch if follow else 0.0
+    text = f"another would turn directions by {turn:.2g} deg"
+    if follow:
+        text += f" and move the views by {shift:.2g} pixels"
+    return turn < FAR_FIELD_DEG and shift < SMALLEST_PARALLAX_PX, text
+
+
+def _log_loss(problem: PixelProblem, noise: Noise) -> float:
+    # Not chi-square, which leaves out the views taken for wrong: those are the ones that moved.
+    loss = problem.solve(noise).loss
+    return float(np.mean(np.log(np.maximum(loss[np.isfinite(loss)], 1e-9))))
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One effect that could be modelled or not.
+
+    Attributes
+    ----------
+    effect : str
+        E.g. ``"parallax"``.
+    chosen : str
+        E.g. ``"on"``.
+    reason : str
+        The evidence with its numbers, or ``"forced by option"``.
+    """
+
+    effect: str
+    chosen: str
+    reason: str
+
+    def as_dict(self) -> dict[str, str]:
+        """Return the choice as plain text for files."""
+        return asdict(self)

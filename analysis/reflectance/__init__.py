@@ -1,0 +1,1 @@
+"""BRDF models, atoms and the dictionaries made of them."""

@@ -1,0 +1,1 @@
+"""Views resampled onto the plane of the sample: the registered stack."""

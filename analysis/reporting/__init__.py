@@ -1,0 +1,1 @@
+"""Checks and HTML reports of calibrations and results."""
