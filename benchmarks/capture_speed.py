@@ -28,8 +28,8 @@ from drivers.light import LightDescription, LightState
 from drivers.limits import Limits
 from drivers.registry import Devices
 from drivers.stage import AxisDescription, StageDescription
-from instrument.config import ProtocolConfig, RigConfig
-from instrument.config_problems import validate
+from instrument.config.loading import ProtocolConfig, RigConfig
+from instrument.config.messages import validate
 from protocols.engine import capture
 
 HEIGHT, WIDTH = 1200, 1920

@@ -33,8 +33,8 @@ from drivers.simulated.brdf import evaluate
 from drivers.simulated.stage import SimulatedStage
 from drivers.simulated.world import World
 from drivers.stage import AxisDescription
-from instrument.config import ProtocolConfig, RigConfig, load_protocol, load_rig
-from instrument.protocol_config import BracketConfig, PoseConfig
+from instrument.config.loading import ProtocolConfig, RigConfig, load_protocol, load_rig
+from instrument.config.protocol import BracketConfig, PoseConfig
 from protocols.engine import capture
 from protocols.nominal_geometry import lens_and_light
 from protocols.plan import Plan

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.rows import Row
-from instrument.validation import InvalidInputError, Problem
+from instrument.files.validation import InvalidInputError, Problem
 
 RESULTS = Path(__file__).parent / "results"
 """Where kept results are, `quick.json` and `full.json`."""

@@ -35,7 +35,7 @@ from drivers.simulated.devices import open_simulated
 from drivers.simulated.world import World
 from gui.main_window import MainWindow
 from gui.watchdog import Watchdog
-from instrument.config import RigConfig, load_rig
+from instrument.config.loading import RigConfig, load_rig
 
 HEIGHT, WIDTH = 1200, 1920
 RIG = Path("examples/simulated.toml")

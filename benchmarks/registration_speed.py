@@ -15,7 +15,7 @@ import click
 
 from benchmarks.file_to_file import program, timed
 from cli.demo import EXAMPLES
-from instrument.config import load_protocol, load_rig
+from instrument.config.loading import load_protocol, load_rig
 from protocols.engine import capture
 
 WIDTH, HEIGHT, FOCAL_LENGTH_PX = 1920, 1200, 3700.0

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.run_experiment import RESULT
-from instrument.validation import InvalidInputError, Problem
+from instrument.files.validation import InvalidInputError, Problem
 
 NAMES = (
     "identifiability",

@@ -21,7 +21,7 @@ from benchmarks.methods import METHODS, Estimate, Method
 from benchmarks.rows import Row, paired, score
 from benchmarks.scenes import Scene, independent, relief
 from benchmarks.settings import N_VIEWS, NOISE, PARTS, QUICK_PARTS, Entry, Setting
-from instrument.validation import InvalidInputError, Problem
+from instrument.files.validation import InvalidInputError, Problem
 
 Report: TypeAlias = dict[str, Any]
 

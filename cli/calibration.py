@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cli.output import check_new, stage_announcer, write_json
-from instrument.validation import LINE_BREAK, printable
+from instrument.files.validation import LINE_BREAK, printable
 
 if TYPE_CHECKING:
     from analysis.registration.stack import Stack
@@ -36,7 +36,7 @@ def calibrate(
     check_new(*(path for path in (output, page, json_file) if path))
     from analysis.reporting.calibration_report import write_calibration_page
     from analysis.stages import Stages
-    from instrument.look import refuse_dangerous
+    from instrument.files.probe import refuse_dangerous
 
     refuse_dangerous(session)
     stages = Stages(stage_announcer(quiet))
@@ -55,7 +55,7 @@ def calibration_only(session: Path, stages: Stages) -> CalibrationReport:
     from analysis.calibration.session import calibrate_session
     from analysis.radiometry.frames import MergedFrames
     from analysis.reporting.calibration_report import report_of
-    from instrument.session import Session
+    from instrument.session.session import Session
 
     with Session(session) as opened:
         return report_of(opened, calibrate_session(opened, MergedFrames(opened), stages))
@@ -67,7 +67,7 @@ def calibrate_into(session: Path, output: Path, pitch: float | None, stages: Sta
     from analysis.reconstruction.error_budget import budget_of
     from analysis.registration.stack_file import read_stack
     from analysis.reporting.calibration_report import report_of
-    from instrument.session import Session
+    from instrument.session.session import Session
 
     with Session(session) as opened:
         calibration = register(opened, output, pitch, stages)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from instrument.rig import OpenDevices
+    from instrument.rig.rig import OpenDevices
     from protocols.engine import Outcome, Progress
 
 MOST_WARNINGS = 5
@@ -33,7 +33,7 @@ faults_option = click.option(
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def plan(protocol: Path, rig: Path, as_json: bool) -> None:
     """Say what capturing PROTOCOL (TOML or Python) would do: poses, time, bytes. Nothing moves or lights."""
-    from instrument.config import load_rig
+    from instrument.config.loading import load_rig
     from protocols.dry_run import dry_run
     from protocols.python_protocol import load_any_protocol
 
@@ -51,7 +51,7 @@ def capture(protocol: Path, rig: Path, output: Path, faults: Path | None) -> Non
 
     Ctrl-C ends it after the pose under way, a second one at once, both with the light off; `halfangle resume` goes on.
     """
-    from instrument.config import load_rig
+    from instrument.config.loading import load_rig
     from protocols import engine
     from protocols.python_protocol import load_any_protocol
 
@@ -67,7 +67,7 @@ def capture(protocol: Path, rig: Path, output: Path, faults: Path | None) -> Non
 @faults_option
 def resume(session: Path, accept_moved: bool, faults: Path | None) -> None:
     """Go on with an interrupted SESSION at its first incomplete pose."""
-    from instrument.look import refuse_dangerous
+    from instrument.files.probe import refuse_dangerous
     from protocols import engine
 
     refuse_dangerous(session)
@@ -81,7 +81,7 @@ def devices_with(faults: Path | None) -> OpenDevices:
     from functools import partial
 
     from drivers.registry import open_devices, open_devices_with_faults
-    from instrument.fault_config import load_faults
+    from instrument.config.faults import load_faults
 
     return open_devices if faults is None else partial(open_devices_with_faults, faults=load_faults(faults))
 

@@ -19,7 +19,7 @@ def console(rig: Path, faults: Path | None) -> None:
 
     Closing it, Ctrl-C and killing it leave the light off; `halfangle resume` goes on with a capture that it ended.
     """
-    from instrument.config import load_rig
+    from instrument.config.loading import load_rig
 
     config, devices = load_rig(rig), devices_with(faults)
     _refuse_without_display()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from analysis.registration.grid import Grid
     from analysis.registration.stack import Truth
     from analysis.stages import Stages
-    from instrument.config import RigConfig
+    from instrument.config.loading import RigConfig
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 FILES = ("session.h5", "area.stack.h5", "result.h5", "report.html", "calibration.html")
@@ -53,7 +53,7 @@ def demo(folder: Path, json_file: Path | None, quick: bool, force: bool, quiet: 
     from analysis.reporting.result_report import write_report
     from analysis.results.result_file import write_result
     from analysis.stages import Stages
-    from instrument.config import load_rig
+    from instrument.config.loading import load_rig
 
     rig = load_rig(EXAMPLES / "simulated.toml")
     stages = Stages(stage_announcer(quiet))
@@ -74,7 +74,7 @@ def demo(folder: Path, json_file: Path | None, quick: bool, force: bool, quiet: 
 
 
 def _capture(rig: RigConfig, session: Path, stages: Stages, *, quick: bool) -> None:
-    from instrument.config import load_protocol
+    from instrument.config.loading import load_protocol
     from protocols.engine import capture
 
     protocol = load_protocol(EXAMPLES / ("quick_sweep.toml" if quick else "hdr_sweep.toml"))

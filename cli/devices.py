@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from instrument.validation import LINE_BREAK, printable
+from instrument.files.validation import LINE_BREAK, printable
 
 if TYPE_CHECKING:
     from drivers.discovery import Discovery
     from drivers.driver import FoundDevice, Kind
-    from instrument.rig_check import Finding
+    from instrument.rig.check import Finding
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 rig_argument = click.argument("rig_file", metavar="RIG", type=click.Path(path_type=Path))
@@ -70,8 +70,8 @@ def check(rig_file: Path, home: bool, as_json: bool) -> None:
 
     Exit 1 if anything fails, 3 if there are warnings. The light is off and the stage rests when it ends.
     """
-    from instrument.config import load_rig
-    from instrument.rig_check import check_rig
+    from instrument.config.loading import load_rig
+    from instrument.rig.check import check_rig
 
     findings = []
     for finding in check_rig(load_rig(rig_file), home=home):
@@ -90,8 +90,8 @@ def safe(rig_file: Path) -> None:
 
     A rig that another program holds is that program's to make safe: end it, and the light goes off.
     """
-    from instrument.config import load_rig
-    from instrument.rig import Rig
+    from instrument.config.loading import load_rig
+    from instrument.rig.rig import Rig
 
     with Rig.connected(load_rig(rig_file)):
         # Leaving it is what makes it safe, or raises.
@@ -110,9 +110,9 @@ def frame(
 ) -> None:
     """Take one frame of RIG (TOML) in the light: how bright, how sharp it is, and which boards it shows."""
     from analysis.camera.live_boards import see_boards
-    from instrument.config import load_rig
-    from instrument.frame_facts import Region, frame_facts
-    from instrument.rig import Rig
+    from instrument.config.loading import load_rig
+    from instrument.rig.frame_statistics import Region, frame_facts
+    from instrument.rig.rig import Rig
     from protocols.single_frame import take_single_frame
 
     config = load_rig(rig_file)
@@ -172,8 +172,8 @@ def driver_test(rig_file: Path, kinds: tuple[Kind, ...], yes: bool) -> None:
     test fails.
     """
     from drivers.registry import KINDS, is_simulated
-    from instrument.config import load_rig
-    from instrument.rig_lock import hold
+    from instrument.config.loading import load_rig
+    from instrument.rig.lock import hold
 
     config = load_rig(rig_file)
     tables = config.model_dump(exclude_none=True)

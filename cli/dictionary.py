@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from cli.output import check_new, stage_announcer, table
-from instrument.validation import LINE_BREAK, printable
+from instrument.files.validation import LINE_BREAK, printable
 
 FILE = click.Path(path_type=Path, dir_okay=False)
 
@@ -37,7 +37,7 @@ def _built_in() -> str:
 
 def _materials(file: Path) -> str:
     from analysis.reflectance.dictionary_file import read_dictionary
-    from instrument.look import refuse_dangerous
+    from instrument.files.probe import refuse_dangerous
 
     refuse_dangerous(file)
     tables = read_dictionary(file)
@@ -57,7 +57,7 @@ def info(name: str) -> None:
     from analysis.reflectance.atoms import Atom
     from analysis.reflectance.dictionary import by_name
     from analysis.reflectance.models import Cosines
-    from instrument.look import refuse_dangerous
+    from instrument.files.probe import refuse_dangerous
 
     refuse_dangerous(Path(name))
     chosen = by_name(name)

@@ -10,7 +10,7 @@ import click
 from cli.output import check_new
 
 if TYPE_CHECKING:
-    from instrument.pictures.importing import Import
+    from instrument.imports.prepare import Import
 
 EPILOG = """Examples:
 
@@ -110,8 +110,8 @@ def _import_registered(
 def _import_session(folder: Path, capture_file: Path | None, output: Path) -> None:
     check_new(output)
     from cli.progress import progress_bar
-    from instrument.pictures.importing import CAPTURE_FILE, prepare_import
-    from instrument.pictures.writing import write_import
+    from instrument.imports.prepare import CAPTURE_FILE, prepare_import
+    from instrument.imports.writing import write_import
 
     capture = folder / CAPTURE_FILE if capture_file is None else capture_file
     if not capture.exists():
@@ -150,8 +150,8 @@ def _kind(prepared: Import) -> str:
 
 
 def _write_template(folder: Path) -> None:
-    from instrument.pictures.importing import CAPTURE_FILE
-    from instrument.pictures.template import capture_template
+    from instrument.imports.prepare import CAPTURE_FILE
+    from instrument.imports.template import capture_template
 
     path = folder / CAPTURE_FILE
     check_new(path)

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from drivers.errors import CancelledError, DeviceError
-from instrument.validation import LINE_BREAK, InvalidInputError, printable
+from instrument.files.validation import LINE_BREAK, InvalidInputError, printable
 
 # name -> (module:command, help line). The help lines stand here so that `--help` imports no command.
 COMMANDS = {
@@ -79,7 +79,7 @@ def main(arguments: list[str] | None = None) -> Any:
 
 def _n_abandoned() -> int:
     # Only a command that recorded has imported it.
-    recorder = sys.modules.get("instrument.recorder")
+    recorder = sys.modules.get("instrument.session.recorder")
     return 0 if recorder is None else int(recorder.n_abandoned())
 
 

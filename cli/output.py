@@ -10,7 +10,7 @@ from typing import Any
 import click
 import numpy as np
 
-from instrument.validation import InvalidInputError, Problem
+from instrument.files.validation import InvalidInputError, Problem
 
 
 def check_new(*paths: Path) -> None:

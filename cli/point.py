@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cli.output import finite, table
-from instrument.validation import InvalidInputError, Problem, printable
+from instrument.files.validation import InvalidInputError, Problem, printable
 
 if TYPE_CHECKING:
     from analysis.results.points import PointCurve, PointSamples
@@ -30,7 +30,7 @@ def point(result: Path, row: int, column: int, stack: Path | None, as_json: bool
     """
     from analysis.results.points import point_curve, point_samples, source_stack
     from analysis.results.result_file import read_result
-    from instrument.look import refuse_dangerous
+    from instrument.files.probe import refuse_dangerous
 
     refuse_dangerous(result)
     read = read_result(result)

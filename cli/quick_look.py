@@ -10,9 +10,9 @@ import numpy as np
 
 from analysis.quick_look.quick_look import QuickLook
 from analysis.quick_look.quick_look import quick_look as quick_look_of
-from instrument.look import refuse_dangerous
-from instrument.session import Session
-from instrument.validation import LINE_BREAK, InvalidInputError, Problem, printable
+from instrument.files.probe import refuse_dangerous
+from instrument.files.validation import LINE_BREAK, InvalidInputError, Problem, printable
+from instrument.session.session import Session
 from protocols.next_pose import NextPose, next_pose
 from protocols.session_rig import planned_poses_of
 

@@ -91,7 +91,7 @@ def reconstruct(
     from analysis.reflectance.dictionary import by_name
     from analysis.results.result_file import write_result
     from analysis.stages import Stages
-    from instrument.look import refuse_dangerous
+    from instrument.files.probe import refuse_dangerous
 
     refuse_dangerous(source)
     refuse_dangerous(Path(choices["dictionary"]))
@@ -110,7 +110,7 @@ def reconstruct(
 def read_source(source: Path, registered: Path, pitch: float | None, stages: Stages) -> tuple[Stack, dict[str, Any]]:
     """Read a registered stack, or register a session into `registered`; return it and the calibration's figures."""
     from analysis.registration.stack_file import is_stack, read_stack
-    from instrument.json_text import parse_json
+    from instrument.files.json_text import parse_json
 
     if not is_stack(source):
         stack, report = stack_from_session(source, registered, pitch, stages)
@@ -183,7 +183,7 @@ def render(result: Path, camera: str, light: str, light_power: float, output: Pa
     check_new(output)
     from analysis.drawing.picture_file import check_picture_name, write_picture
     from analysis.results.result_file import read_result
-    from instrument.look import refuse_dangerous
+    from instrument.files.probe import refuse_dangerous
 
     check_picture_name(output)
     refuse_dangerous(result)
@@ -202,7 +202,7 @@ def report(result: Path, output: Path, title: str | None) -> None:
     check_new(output)
     from analysis.reporting.result_report import write_report
     from analysis.results.result_file import read_result
-    from instrument.look import refuse_dangerous
+    from instrument.files.probe import refuse_dangerous
 
     refuse_dangerous(result)
     write_report(output, read_result(result), title or result.name)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from instrument.validation import printable
+from instrument.files.validation import printable
 
 if TYPE_CHECKING:
-    from instrument.examination import Examination
+    from instrument.session_tools.examination import Examination
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 
@@ -27,7 +27,7 @@ def session() -> None:
 @json_option
 def info(path: Path, as_json: bool) -> None:
     """Say what the session PATH holds."""
-    from instrument.summary import summarise
+    from instrument.session_tools.summary import summarise
 
     summary = summarise(path)
     click.echo(json.dumps(summary, indent=2) if as_json else _table(summary))
@@ -41,7 +41,7 @@ def verify(path: Path, as_json: bool) -> None:
 
     Exit 1 if anything is wrong, 2 if it is no session.
     """
-    from instrument.examination import examination
+    from instrument.session_tools.examination import examination
 
     found = examination(path)
     click.echo(json.dumps(found.as_dict()) if as_json else _verdict(found))
@@ -75,7 +75,7 @@ def list_sessions(folder: Path, as_json: bool) -> None:
 
     complete, interrupted, recording (being written now) or aborted; damaged, with the reason; other: no session.
     """
-    from instrument.summary import summarise_all
+    from instrument.session_tools.summary import summarise_all
 
     rows = summarise_all(sorted(folder.glob("*.h5")))
     if as_json:
@@ -124,7 +124,7 @@ def pack(path: Path, output: Path) -> None:
     """Copy the session PATH into a smaller file of the same content, and verify that; PATH is not changed."""
     from cli.output import check_new
     from cli.progress import progress_bar
-    from instrument.pack import pack_session
+    from instrument.session_tools.pack import pack_session
 
     check_new(output)
     with progress_bar("pack") as step:
@@ -140,9 +140,9 @@ def export(path: Path, output: Path) -> None:
     """Write the frames of the session PATH as DNG files with a capture.toml; `halfangle import` reads them back."""
     from cli.output import check_new
     from cli.progress import progress_bar
-    from instrument.look import refuse_dangerous
-    from instrument.pictures.export import export_session
-    from instrument.session import Session
+    from instrument.files.probe import refuse_dangerous
+    from instrument.imports.export import export_session
+    from instrument.session.session import Session
 
     check_new(output)
     refuse_dangerous(path)
@@ -157,9 +157,9 @@ def export(path: Path, output: Path) -> None:
 def write_documents(path: Path, output: Path) -> None:
     """Write the session PATH as documents of the event model, a name and a document a line; the frames stay in PATH."""
     from cli.output import check_new
-    from instrument.documents import as_line, documents
-    from instrument.look import refuse_dangerous
-    from instrument.session import Session
+    from instrument.files.probe import refuse_dangerous
+    from instrument.session.session import Session
+    from instrument.session_tools.documents import as_line, documents
 
     check_new(output)
     refuse_dangerous(path)

@@ -16,8 +16,8 @@ from drivers.light import LightDescription
 from drivers.registry import open_devices
 from drivers.stage import StageDescription
 from gui.light_sign import LightSign
-from instrument.config import RigConfig
-from instrument.rig import OpenDevices, Rig
+from instrument.config.loading import RigConfig
+from instrument.rig.rig import OpenDevices, Rig
 
 FIRST_EXPOSURE_TIME = 0.01
 """Seconds; what the camera is set to when it is opened, or the nearest that it takes."""

@@ -15,7 +15,7 @@ from drivers.camera import CameraDescription
 from gui.newest import Newest
 from gui.plots import OKABE_ITO, Picture
 from gui.text import selectable
-from instrument.board_config import BoardConfig
+from instrument.config.boards import BoardConfig
 
 if TYPE_CHECKING:
     from analysis.camera.live_boards import SeenBoards

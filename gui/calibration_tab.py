@@ -18,8 +18,8 @@ from gui.half_angles_plot import HalfAnglesPlot
 from gui.newest import Newest
 from gui.residuals_plot import ResidualsPlot
 from gui.text import selectable
-from instrument.look import UNPACKED, refuse_dangerous
-from instrument.session import Session
+from instrument.files.probe import UNPACKED, refuse_dangerous
+from instrument.session.session import Session
 
 
 class Opened(NamedTuple):

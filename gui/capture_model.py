@@ -8,8 +8,8 @@ from PySide6.QtCore import QObject, Signal
 
 from gui.job import Job, Work
 from gui.rig_use import RigUse
-from instrument.config import RigConfig
-from instrument.rig import OpenDevices
+from instrument.config.loading import RigConfig
+from instrument.rig.rig import OpenDevices
 from protocols import engine
 from protocols.dry_run import Outlook, dry_run
 from protocols.progress import Finish, Outcome

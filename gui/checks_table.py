@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTab
 
 from analysis.reporting.checks import Check, Status
 from gui.text import QT_TRANSLATE_NOOP
-from instrument.validation import printable
+from instrument.files.validation import printable
 
 COLUMNS = (
     QT_TRANSLATE_NOOP("ChecksTable", "Check"),

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, QProcess, QProcessEnvironment, QTimer, Signal
 
-from instrument.validation import printable
+from instrument.files.validation import printable
 
 CRASHED = -1
 """Exit code of a process that crashed, was killed, or could not be started."""

@@ -14,8 +14,8 @@ from drivers.registry import open_devices
 from gui.main_window import MainWindow
 from gui.remembered import Remembered
 from gui.translation import FOLDER, SourceTranslator, read_translation
-from instrument.config import RigConfig
-from instrument.rig import OpenDevices
+from instrument.config.loading import RigConfig
+from instrument.rig.rig import OpenDevices
 
 _log = logging.getLogger(__name__)
 

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QWidget
 
 from drivers.camera import CameraDescription
 from gui.plots import CHANNEL_COLOURS, OKABE_ITO, Plot
-from instrument.frame_facts import N_BINS, Counts, FrameFacts, profile
+from instrument.rig.frame_statistics import N_BINS, Counts, FrameFacts, profile
 
 _HEIGHT_LINES = 7  # of text, at least
 _SHOWN_BRUSH = (128, 128, 128, 40)

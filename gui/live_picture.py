@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from drivers.camera import CameraDescription
 from gui.plots import OKABE_ITO
-from instrument.frame_facts import BLACK, CLIPPED, SHARP, Counts, FrameFacts, Region, frame_facts
+from instrument.rig.frame_statistics import BLACK, CLIPPED, SHARP, Counts, FrameFacts, Region, frame_facts
 
 MARK_COLOURS = {CLIPPED: OKABE_ITO["vermillion"], BLACK: OKABE_ITO["blue"], SHARP: OKABE_ITO["yellow"]}
 

@@ -15,8 +15,8 @@ from gui.live_picture import Look, Wanted, colour_table, look_at
 from gui.newest import Newest
 from gui.plots import OKABE_ITO, Picture
 from gui.text import QT_TRANSLATE_NOOP, selectable
-from instrument.board_config import BoardConfig
-from instrument.frame_facts import BLACK, CLIPPED, SHARP, Counts, Region
+from instrument.config.boards import BoardConfig
+from instrument.rig.frame_statistics import BLACK, CLIPPED, SHARP, Counts, Region
 
 MARK_TEXTS = {
     CLIPPED: QT_TRANSLATE_NOOP("LiveView", "Cli&pped"),

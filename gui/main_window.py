@@ -36,8 +36,8 @@ from gui.rig_use import RigUse
 from gui.seen_poses import SeenPoses
 from gui.sessions_tab import SessionsTab
 from gui.stop import EscapeTwice, StopButton
-from instrument.config import RigConfig
-from instrument.rig import OpenDevices
+from instrument.config.loading import RigConfig
+from instrument.rig.rig import OpenDevices
 from protocols.dry_run import Outlook
 from protocols.progress import Outcome, Progress
 

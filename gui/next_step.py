@@ -7,12 +7,11 @@ from typing import NamedTuple
 
 import h5py
 
-from instrument import beside
-from instrument.bounds import text_attribute
-from instrument.foreign import HDF5_ERRORS
-from instrument.look import UNPACKED, refuse_dangerous
-from instrument.session import Session
-from instrument.validation import InvalidInputError, Problem
+from instrument.files import derived_names
+from instrument.files.probe import UNPACKED, refuse_dangerous
+from instrument.files.untrusted import HDF5_ERRORS, text_attribute
+from instrument.files.validation import InvalidInputError, Problem
+from instrument.session.session import Session
 
 
 class Reprocessing(NamedTuple):
@@ -33,7 +32,9 @@ def calibrating(session: Path) -> Reprocessing:
     refuse_dangerous(session, UNPACKED)
     with Session(session) as opened:
         has_boards = bool(opened.boards)
-    stack, page, figures = beside.free(session, beside.STACK, beside.CALIBRATION_PAGE, beside.CALIBRATION)
+    stack, page, figures = derived_names.free(
+        session, derived_names.STACK, derived_names.CALIBRATION_PAGE, derived_names.CALIBRATION
+    )
     output = ("-o", str(stack)) if has_boards else ()
     arguments = ("calibrate", str(session), *output, "--report", str(page), "--json", str(figures))
     return Reprocessing(arguments, figures)
@@ -47,8 +48,8 @@ def reconstructing(source: Path) -> Reprocessing:
     InvalidInputError
         If it is neither.
     """
-    (made,) = beside.free(source, beside.RESULT)
-    is_stack = source.name.endswith(beside.STACK)
+    (made,) = derived_names.free(source, derived_names.RESULT)
+    is_stack = source.name.endswith(derived_names.STACK)
     return Reprocessing(("reconstruct", str(source if is_stack else _stack_of(source)), "-o", str(made)), made)
 
 
@@ -60,10 +61,12 @@ def reporting(source: Path) -> Reprocessing:
     InvalidInputError
         If there is none.
     """
-    results = [source] if source.name.endswith(beside.RESULT) else beside.made(source, beside.RESULT)
+    results = (
+        [source] if source.name.endswith(derived_names.RESULT) else derived_names.made(source, derived_names.RESULT)
+    )
     if not results:
         raise InvalidInputError("There is nothing to report.", [Problem(str(source), "has no result; reconstruct it")])
-    (made,) = beside.free(source, beside.REPORT)
+    (made,) = derived_names.free(source, derived_names.REPORT)
     return Reprocessing(("report", str(results[0]), "-o", str(made)), made)
 
 
@@ -71,7 +74,7 @@ def _stack_of(session: Path) -> Path:
     refuse_dangerous(session, UNPACKED)
     with Session(session) as opened:
         digest = opened.digest()
-    stacks = (stack for stack in beside.made(session, beside.STACK) if _session_digest(stack) == digest)
+    stacks = (stack for stack in derived_names.made(session, derived_names.STACK) if _session_digest(stack) == digest)
     return next(stacks, session)
 
 

@@ -16,7 +16,7 @@ from gui.newest import Newest
 from gui.plots import OKABE_ITO, Picture, Plot
 from gui.seen_poses import SeenPoses
 from gui.text import selectable
-from instrument.preview import Preview
+from instrument.session.preview import Preview
 from protocols.planned_poses import PlannedPoses
 
 if TYPE_CHECKING:

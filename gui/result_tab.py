@@ -207,7 +207,7 @@ def _read(path: Path) -> PointSource:
     # Imported here, in the worker, since it takes as long as opening the window.
     from analysis.results.points import PointSource
     from analysis.results.result_file import read_result
-    from instrument.look import refuse_dangerous
+    from instrument.files.probe import refuse_dangerous
 
     refuse_dangerous(path)
     return PointSource(path, read_result(path))

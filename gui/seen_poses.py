@@ -7,7 +7,7 @@ from enum import Enum
 from PySide6.QtCore import QObject, Signal
 
 from gui.capture_model import CaptureModel
-from instrument.preview import Preview
+from instrument.session.preview import Preview
 from protocols.dry_run import Outlook
 from protocols.planned_poses import PlannedPoses
 from protocols.progress import PoseBegun, PoseTaken, Progress

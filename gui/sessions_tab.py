@@ -14,10 +14,10 @@ from gui.job import Job, Work
 from gui.reprocessing import ReprocessingPanel
 from gui.sessions_table import Pictures, SessionsTable
 from gui.text import selectable
-from instrument import beside
-from instrument.examination import Examination, examination
-from instrument.summary import summarise_all
-from instrument.thumbnail import thumbnails_of
+from instrument.files import derived_names
+from instrument.session_tools.examination import Examination, examination
+from instrument.session_tools.summary import summarise_all
+from instrument.session_tools.thumbnail import thumbnails_of
 
 
 class SessionsTab(QWidget):
@@ -123,7 +123,7 @@ class SessionsTab(QWidget):
 
     def _show_selected(self) -> None:
         if self.selected is not None:
-            is_result = self.selected.name.endswith(beside.RESULT)
+            is_result = self.selected.name.endswith(derived_names.RESULT)
             (self.result_asked if is_result else self.calibration_asked).emit(self.selected)
 
     def _enable(self) -> None:

@@ -13,10 +13,10 @@ from PySide6.QtGui import QIcon, QImage, QPixmap
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem, QWidget
 
 from gui.text import QT_TRANSLATE_NOOP
-from instrument import beside
-from instrument.layout import Status
-from instrument.summary import DAMAGED, OTHER
-from instrument.validation import printable
+from instrument.files import derived_names
+from instrument.files.validation import printable
+from instrument.session.layout import Status
+from instrument.session_tools.summary import DAMAGED, OTHER
 
 Pictures = Mapping[Path, NDArray[np.uint8]]
 
@@ -39,8 +39,8 @@ STATES = {
     Status.RECORDING.value: ("●", QT_TRANSLATE_NOOP("SessionsTable", "recording")),
     DAMAGED: ("✗", QT_TRANSLATE_NOOP("SessionsTable", "damaged")),
     OTHER: ("–", QT_TRANSLATE_NOOP("SessionsTable", "no session")),
-    beside.STACK: ("–", QT_TRANSLATE_NOOP("SessionsTable", "stack")),
-    beside.RESULT: ("–", QT_TRANSLATE_NOOP("SessionsTable", "result")),
+    derived_names.STACK: ("–", QT_TRANSLATE_NOOP("SessionsTable", "stack")),
+    derived_names.RESULT: ("–", QT_TRANSLATE_NOOP("SessionsTable", "result")),
 }
 
 _PICTURE = QSize(72, 54)
@@ -74,7 +74,7 @@ class SessionsTable(QTableWidget):
         Parameters
         ----------
         rows : list of dict
-            Of `instrument.summary.summarise_all`.
+            Of `instrument.session_tools.summary.summarise_all`.
         pictures : mapping of Path to ndarray of uint8, shape (h, w)
         """
         selected = self.path
@@ -104,7 +104,7 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
     sign, word = STATES[state]
     texts = name, f"{sign} {_tr(word)}"
     if "problems" in row:
-        is_ours = state in (beside.STACK, beside.RESULT)
+        is_ours = state in (derived_names.STACK, derived_names.RESULT)
         return *texts, "", "", "" if is_ours else row["problems"][0][1]
     poses = _tr(N_OF_ALL).format(done=row["n_complete"], all=row["n_poses"])
     return *texts, poses, row["start_time"][:16].replace("T", " "), row["title"]
@@ -112,7 +112,7 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
 
 def _state(row: dict[str, Any]) -> str:
     """Return a key of `STATES`: what is no session may have been made of one."""
-    made = [ending for ending in (beside.STACK, beside.RESULT) if row["path"].endswith(ending)]
+    made = [ending for ending in (derived_names.STACK, derived_names.RESULT) if row["path"].endswith(ending)]
     return made[0] if made and row["state"] == OTHER else str(row["state"])
 
 

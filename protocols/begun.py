@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from instrument.config import RigConfig
-from instrument.layout import Status
-from instrument.preview import Preview
-from instrument.previews import previews_of
-from instrument.session import Session
-from instrument.validation import InvalidInputError, raise_if_any
-from instrument.verify import plan_problems
+from instrument.config.loading import RigConfig
+from instrument.files.validation import InvalidInputError, raise_if_any
+from instrument.session.layout import Status
+from instrument.session.preview import Preview, previews_of
+from instrument.session.session import Session
+from instrument.session_tools.verify import plan_problems
 from protocols.moved import Landmark
 from protocols.plan import Plan
 from protocols.run import Begun

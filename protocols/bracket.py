@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from instrument.pose_record import PoseRecord
-from instrument.rig import Rig
+from instrument.rig.rig import Rig
+from instrument.session.records import PoseRecord
 from protocols.picture_checks import check_growth, check_lit_and_dark_again, check_order, clips, frame_to_repeat
 from protocols.reference import ReferencePatch
 from protocols.shot import Shot, expose, lease_seconds, light_on, move_verified, take_shot

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.stage import AxisDescription
-from instrument.chosen_config import ChosenConfig
-from instrument.rig_config import RigConfig
+from instrument.config.protocol import ChosenConfig
+from instrument.config.rig import RigConfig
 from protocols.information import expected_cases, information_vectors, prior_information
 from protocols.nominal_geometry import lens_and_light
 from protocols.rough_material import dot

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import UnsafeError
-from instrument.rig import Rig
+from instrument.rig.rig import Rig
 from protocols.picture_checks import check_darks, check_order, clips
 from protocols.shot import confirm_dark, expose, lease_seconds, light_on, take_shot
 

@@ -10,8 +10,8 @@ from typing import Any
 from drivers.errors import DeviceLimitError
 from drivers.registry import open_devices
 from drivers.stage import Stage
-from instrument.config import ProtocolConfig, RigConfig
-from instrument.rig import OpenDevices, Rig
+from instrument.config.loading import ProtocolConfig, RigConfig
+from instrument.rig.rig import OpenDevices, Rig
 from protocols.kept_frames import KeptFrames
 from protocols.planned_poses import PlannedPoses
 from protocols.prepare import Prepared, prepare

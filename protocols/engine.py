@@ -8,15 +8,15 @@ from pathlib import Path
 
 from drivers.errors import CancelledError
 from drivers.registry import open_devices
-from instrument.audit import AuditLog
-from instrument.config import ProtocolConfig, RigConfig
-from instrument.layout import Status
-from instrument.recorder import Recorder
-from instrument.rig import OpenDevices, Rig
-from instrument.session import Session
-from instrument.session_file import create_session, refuse_existing
-from instrument.validation import InvalidInputError, Problem, raise_if_any
-from instrument.verify import plan_problems
+from instrument.config.loading import ProtocolConfig, RigConfig
+from instrument.files.validation import InvalidInputError, Problem, raise_if_any
+from instrument.rig.rig import OpenDevices, Rig
+from instrument.session.audit import AuditLog
+from instrument.session.creation import create_session, refuse_existing
+from instrument.session.layout import Status
+from instrument.session.recorder import Recorder
+from instrument.session.session import Session
+from instrument.session_tools.verify import plan_problems
 from protocols.begun import BegunSession
 from protocols.control import Control, obeying_signals
 from protocols.header import session_header
@@ -44,9 +44,9 @@ def capture(
     Parameters
     ----------
     rig_config : RigConfig
-        As `instrument.config.load_rig` reads it.
+        As `instrument.config.loading.load_rig` reads it.
     protocol_config : ProtocolConfig
-        As `instrument.config.load_protocol` reads it.
+        As `instrument.config.loading.load_protocol` reads it.
     path : Path or str
         The session to write; there must be no such file.
     progress : callable, optional

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from drivers.stage import AxisDescription
-from instrument.rig import Rig
+from instrument.rig.rig import Rig
 from protocols.bracket import Bracket, take_bracket
 from protocols.shot import Shot
 

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from drivers.camera import CameraDescription
-from instrument import layout
-from instrument.config import ProtocolConfig, RigConfig
-from instrument.layout import Field
-from instrument.records import CameraRecord, Geometry
-from instrument.rig import Rig
-from instrument.session_header import Provenance, SessionHeader
+from instrument.config.loading import ProtocolConfig, RigConfig
+from instrument.rig.rig import Rig
+from instrument.session import layout
+from instrument.session.header import Provenance, SessionHeader
+from instrument.session.layout import Field
+from instrument.session.records import CameraRecord, Geometry
 from protocols.plan import Plan
 
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.chosen_config import ChosenConfig
-from instrument.rig_config import RigConfig
+from instrument.config.protocol import ChosenConfig
+from instrument.config.rig import RigConfig
 from protocols.rough_material import PARAMETERS, Numbers, brdf, dot, radiance, unit
 
 Array = NDArray[np.float64]

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.camera import CameraDescription
-from instrument import layout
-from instrument.layout import Field
-from instrument.protocol_config import DarksAndFlatsConfig
-from instrument.session import Session
-from instrument.validation import InvalidInputError, Problem
-from instrument.verify import plan_problems
+from instrument.config.protocol import DarksAndFlatsConfig
+from instrument.files.validation import InvalidInputError, Problem
+from instrument.session import layout
+from instrument.session.layout import Field
+from instrument.session.session import Session
+from instrument.session_tools.verify import plan_problems
 
 # Exposure times that differ by less are the same setting of a camera.
 _SAME_TIME = 1e-3

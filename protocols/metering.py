@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from drivers.camera import CameraDescription
 from drivers.errors import UnsafeError
-from instrument.protocol_config import AutoConfig
-from instrument.rig import Rig
+from instrument.config.protocol import AutoConfig
+from instrument.rig.rig import Rig
 from protocols.plan import Plan
 from protocols.shot import lease_seconds, light_on, move_verified, take_shot
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from drivers.camera import CameraDescription
 from drivers.errors import UnsafeError
-from instrument.rig import Rig
-from instrument.session import Session
+from instrument.rig.rig import Rig
+from instrument.session.session import Session
 from protocols.picture_checks import CLIPPED_SHARE
 from protocols.shot import lease_seconds, light_on, move_verified, take_shot
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from instrument.chosen_config import ChosenConfig
+from instrument.config.protocol import ChosenConfig
 from protocols.criterion import Array, Criterion
 from protocols.nominal_geometry import lens_and_light
 from protocols.planned_poses import PlannedPoses

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from drivers.stage import AxisDescription
-from instrument.nominal_views import NominalViews
-from instrument.rig_config import RigConfig
+from instrument.config.rig import RigConfig
+from instrument.session.nominal_views import NominalViews
 
 Array = NDArray[np.float64]
 

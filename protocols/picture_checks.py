@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from drivers.camera import CameraDescription, Frame
 from drivers.errors import DeviceError, UnsafeError
 from drivers.light import LightState
-from instrument.preview import fraction
+from instrument.session.preview import fraction
 from protocols.shot import Shot
 
 # A frame of which more than this share is clipped counts as clipped: a few glints are no fault of the bracket.

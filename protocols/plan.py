@@ -9,9 +9,9 @@ from functools import cached_property
 from hashlib import sha256
 from typing import Any
 
-from instrument.preview import preview_shape
-from instrument.protocol_config import BracketConfig, ProtocolConfig
-from instrument.validation import InvalidInputError, Problem
+from instrument.config.protocol import BracketConfig, ProtocolConfig
+from instrument.files.validation import InvalidInputError, Problem
+from instrument.session.preview import preview_shape
 from protocols.poses import Pose, repeated, ring
 
 PLAN_VERSION = "1.0"

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from drivers.stage import AxisDescription
-from instrument.nominal_views import NominalViews
-from instrument.preview import Preview
-from instrument.rig import Rig
-from instrument.rig_config import RigConfig
+from instrument.config.rig import RigConfig
+from instrument.rig.rig import Rig
+from instrument.session.nominal_views import NominalViews
+from instrument.session.preview import Preview
 from protocols.nominal_geometry import nominal_views
 from protocols.plan import Plan
 from protocols.poses import Pose

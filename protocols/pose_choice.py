@@ -8,9 +8,9 @@ from itertools import product
 import numpy as np
 
 from drivers.stage import AxisDescription
-from instrument.chosen_config import ChosenConfig
-from instrument.rig_config import RigConfig
-from instrument.validation import InvalidInputError, Problem
+from instrument.config.protocol import ChosenConfig
+from instrument.config.rig import RigConfig
+from instrument.files.validation import InvalidInputError, Problem
 from protocols.criterion import Array, Criterion, Pose
 from protocols.nominal_geometry import lens_and_light
 from protocols.pose_order import in_short_order

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from drivers.errors import DeviceLimitError
 from drivers.limits import Limits
-from instrument.rig import Rig
-from instrument.session_file import InsufficientSpaceError, check_space
-from instrument.validation import Problem
+from instrument.files.validation import Problem
+from instrument.rig.rig import Rig
+from instrument.session.creation import InsufficientSpaceError, check_space
 from protocols.plan import Plan
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from instrument.config import ProtocolConfig
-from instrument.protocol_config import AutoConfig
-from instrument.rig import Rig
-from instrument.validation import InvalidInputError, Problem, raise_if_any
+from instrument.config.loading import ProtocolConfig
+from instrument.config.protocol import AutoConfig
+from instrument.files.validation import InvalidInputError, Problem, raise_if_any
+from instrument.rig.rig import Rig
 from protocols.kept_frames import KeptFrames
 from protocols.metering import Metered, meter
 from protocols.plan import Plan, stated_poses

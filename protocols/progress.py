@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.preview import Preview
+from instrument.session.preview import Preview
 from protocols.planned_poses import PlannedPoses
 
 _log = logging.getLogger(__name__)

@@ -14,10 +14,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from instrument.config import load_protocol
-from instrument.config_problems import complaints, validate
-from instrument.protocol_config import ProtocolConfig
-from instrument.validation import InvalidInputError, Problem
+from instrument.config.loading import load_protocol
+from instrument.config.messages import complaints, validate
+from instrument.config.protocol import ProtocolConfig
+from instrument.files.validation import InvalidInputError, Problem
 
 TABLES = ("name", "sample", "bracket", "flats", "watch")
 """What a file may state besides its poses, each as the key of that name in `protocol.toml`."""

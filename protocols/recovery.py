@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 from drivers.errors import DeviceError, DeviceLostError, DeviceTimeoutError, UnsafeError
-from instrument.bounded import Note
-from instrument.rig import Rig
+from instrument.rig.bounded import Note
+from instrument.rig.rig import Rig
 
 ATTEMPTS = 3
 """How often a pose is begun before the capture gives up."""

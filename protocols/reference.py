@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from drivers.camera import CameraDescription
 from drivers.stage import StageDescription
-from instrument.board_config import Rectangle
-from instrument.rig_config import RigConfig
+from instrument.config.boards import Rectangle
+from instrument.config.rig import RigConfig
 from protocols.nominal_geometry import LAB_FROM_CAMERA, lab_from_sample
 
 Array = NDArray[np.float64]

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import CancelledError, DeviceError, DeviceLostError, DeviceTimeoutError
-from instrument.audit import AuditLog
-from instrument.bounded import within
-from instrument.layout import Status
-from instrument.pose_record import PoseRecord
-from instrument.preview import Preview
-from instrument.recorder import Recorder
-from instrument.rig import Rig
+from instrument.rig.bounded import within
+from instrument.rig.rig import Rig
+from instrument.session.audit import AuditLog
+from instrument.session.layout import Status
+from instrument.session.preview import Preview
+from instrument.session.recorder import Recorder
+from instrument.session.records import PoseRecord
 from protocols.bracket import Bracket, take_pose
 from protocols.control import Control
 from protocols.darks_and_flats import take_darks, take_flats

@@ -7,11 +7,11 @@ from pydantic import ValidationError
 
 from drivers.limits import Limits
 from drivers.stage import AxisDescription
-from instrument.previews import previews_of
-from instrument.records import AxisRecord
-from instrument.rig_config import RigConfig
-from instrument.session import Session
-from instrument.validation import InvalidInputError, Problem
+from instrument.config.rig import RigConfig
+from instrument.files.validation import InvalidInputError, Problem
+from instrument.session.preview import previews_of
+from instrument.session.records import AxisRecord
+from instrument.session.session import Session
 from protocols.plan import Plan
 from protocols.planned_poses import PlannedPoses, positions_of
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from drivers.camera import Frame
-from instrument.rig import Rig
+from instrument.rig.rig import Rig
 from protocols.shot import expose, lease_seconds, light_on
 
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.camera import CameraDescription
-from instrument.pose_record import PoseRecord
-from instrument.preview import Preview, best_exposure, preview
+from instrument.session.preview import Preview, best_exposure, preview
+from instrument.session.records import PoseRecord
 from protocols.picture_checks import clipped_shares
 from protocols.progress import PoseTaken
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.errors import DeviceError
-from instrument.rig import Rig
+from instrument.rig.rig import Rig
 from protocols.shot import light_on
 
 SAMPLE_SECONDS = 2.0

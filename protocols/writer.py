@@ -8,9 +8,9 @@ from queue import Empty, Full, Queue
 from threading import Thread
 
 from drivers.clock import LONGEST_NAP
-from instrument.audit import AuditLog
-from instrument.pose_record import PoseRecord
-from instrument.recorder import Recorder
+from instrument.session.audit import AuditLog
+from instrument.session.recorder import Recorder
+from instrument.session.records import PoseRecord
 
 DEPTH = 2
 """Poses that may wait for the disk; each holds a whole bracket."""

@@ -21,7 +21,7 @@ from PySide6.QtWidgets import QApplication, QWidget
 
 from gui.main_window import MainWindow
 from gui.theme import Theme, apply_theme
-from instrument.config import load_rig
+from instrument.config.loading import load_rig
 
 ROOT = Path(__file__).parents[1]
 PICTURES = ROOT / "docs" / "images" / "console"

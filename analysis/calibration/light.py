@@ -22,7 +22,7 @@ from analysis.registration.grid import Grid
 from analysis.registration.lighting import LightOffset, light_position
 from analysis.registration.rectification import Rectified, rectify
 from analysis.registration.stack import Stack
-from instrument.session import Session
+from instrument.session.session import Session
 
 Array = NDArray[np.float64]
 

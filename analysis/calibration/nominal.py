@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.session import Session
-from instrument.validation import Problem, raise_if_any
+from instrument.files.validation import Problem, raise_if_any
+from instrument.session.session import Session
 
 
 @dataclass(frozen=True, slots=True)

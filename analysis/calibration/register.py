@@ -18,7 +18,7 @@ from analysis.registration.grid import Grid
 from analysis.registration.rectification import rectify
 from analysis.registration.stack_file import StackWriter
 from analysis.stages import Stages
-from instrument.session import Session
+from instrument.session.session import Session
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from analysis.light.flat_field import FlatField, session_flat_field
 from analysis.radiometry.conversion import RadiometryFindings
 from analysis.radiometry.frames import MergedFrames
 from analysis.stages import Stages
-from instrument.session import Session
+from instrument.session.session import Session
 
 Array = NDArray[np.float64]
 

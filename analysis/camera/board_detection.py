@@ -13,7 +13,7 @@ from analysis.camera.board_pattern import charuco_board, chessboard_corners, mar
 from analysis.camera.corner_refinement import align_corners, project
 from analysis.camera.lens import Lens
 from analysis.radiometry.mosaic import channel_of_cell
-from instrument.records import Board
+from instrument.session.records import Board
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.camera.board_pattern import chessboard_corners
-from instrument.records import Board
+from instrument.session.records import Board
 
 Array = NDArray[np.float64]
 

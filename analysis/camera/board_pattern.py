@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.records import Board
+from instrument.session.records import Board
 
 
 def charuco_board(board: Board, legacy: bool = False) -> cv2.aruco.CharucoBoard:

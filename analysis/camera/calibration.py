@@ -19,7 +19,7 @@ from analysis.camera.bundle_adjustment import Bundle, CornerNoise, Freedom, adju
 from analysis.camera.initialisation import first_lens, first_state
 from analysis.camera.lens import LENS_NAMES, Lens
 from analysis.camera.view import View
-from instrument.validation import InvalidInputError, Problem
+from instrument.files.validation import InvalidInputError, Problem
 
 Array = NDArray[np.float64]
 

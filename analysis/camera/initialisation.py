@@ -13,7 +13,7 @@ from analysis.camera.board_detection import BoardCorners
 from analysis.camera.board_layout import BoardLayout
 from analysis.camera.bundle_adjustment import State
 from analysis.camera.lens import Lens
-from instrument.validation import InvalidInputError, Problem
+from instrument.files.validation import InvalidInputError, Problem
 
 Array = NDArray[np.float64]
 

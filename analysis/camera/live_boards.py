@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.camera.board_detection import board_readings, detection_image
 from analysis.camera.board_layout import BoardLayout
-from instrument.records import Board
+from instrument.session.records import Board
 
 Array = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""The camera model, from points to pixels and back: a pinhole with the lens distortion k1, k2, p1, p2, k3 [brown1966]."""
+"""The camera model: a pinhole with the lens distortion k1, k2, p1, p2, k3 [brown1966], both ways."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.drawing.colours import display_colours
 from analysis.drawing.figures import picture
-from instrument.validation import InvalidInputError, Problem
+from instrument.files.validation import InvalidInputError, Problem
 
 SUFFIXES = (".exr", ".npy", ".png")
 

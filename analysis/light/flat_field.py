@@ -22,7 +22,7 @@ from scipy.optimize import least_squares
 from analysis.camera.view import View, rays
 from analysis.light.flat_samples import TITLE, PlanePicture, PlaneSamples, plane_samples
 from analysis.radiometry.frames import MergedFrames
-from instrument.validation import InvalidInputError, Problem, raise_if_any
+from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.camera.view import View, rays
 from analysis.radiometry.hdr import Radiance
-from instrument.validation import Problem, raise_if_any
+from instrument.files.validation import Problem, raise_if_any
 
 Array = NDArray[np.float64]
 

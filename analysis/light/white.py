@@ -15,8 +15,8 @@ from analysis.camera.board_pattern import pattern
 from analysis.camera.view import View
 from analysis.light.photometry import WhiteSamples
 from analysis.registration.rectification import Rectified
-from instrument.records import Board
-from instrument.validation import InvalidInputError, Problem
+from instrument.files.validation import InvalidInputError, Problem
+from instrument.session.records import Board
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.pixels.samples import MIN_VIEWS
 from analysis.registration.stack import Stack
-from instrument.validation import Problem
+from instrument.files.validation import Problem
 
 MIN_SPREAD = 0.01
 """Least ratio of the smallest to the largest singular value of the directions. A phone held over a card

@@ -19,8 +19,8 @@ from analysis.quick_look.views import quick_stack
 from analysis.reflectance import dictionary
 from analysis.registration.coverage import Coverage, coverage
 from analysis.registration.stack import Stack
-from instrument.nominal_views import NominalViews
-from instrument.preview import Preview
+from instrument.session.nominal_views import NominalViews
+from instrument.session.preview import Preview
 
 Array = NDArray[np.float64]
 

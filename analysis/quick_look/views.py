@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from analysis.registration.grid import Grid
 from analysis.registration.stack import Stack
-from instrument.nominal_views import NominalViews
-from instrument.preview import Preview, block_of
+from instrument.session.nominal_views import NominalViews
+from instrument.session.preview import Preview, block_of
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from analysis.radiometry.conversion import Radiometry, RadiometryFindings
 from analysis.radiometry.hdr import Radiance, merge_bracket
 from analysis.radiometry.survey import survey
-from instrument.session import Session
-from instrument.validation import InvalidInputError, Problem
+from instrument.files.validation import InvalidInputError, Problem
+from instrument.session.session import Session
 
 Array = NDArray[np.float64]
 

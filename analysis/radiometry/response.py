@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.radiometry.hdr import Sensor
-from instrument.validation import InvalidInputError, Problem, raise_if_any
+from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 
 Array = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import isotonic_regression
 
 from analysis.radiometry.response import N_LEVELS, srgb
-from instrument.validation import Problem, raise_if_any
+from instrument.files.validation import Problem, raise_if_any
 
 Array = NDArray[np.float64]
 

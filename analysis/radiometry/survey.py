@@ -18,9 +18,9 @@ from analysis.radiometry.response_fit import PicturePrediction, fit_response, pr
 from analysis.radiometry.sampling import FrameSamples, cell_medians, sample_frames, spread_poses
 from analysis.radiometry.saturation import find_saturation
 from analysis.radiometry.sensor_noise import assumed_sensor, estimate_noise_model
-from instrument.records import CameraRecord
-from instrument.session import Session
-from instrument.validation import InvalidInputError, Problem
+from instrument.files.validation import InvalidInputError, Problem
+from instrument.session.records import CameraRecord
+from instrument.session.session import Session
 
 Array = NDArray[np.float64]
 

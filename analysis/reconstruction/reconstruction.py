@@ -31,7 +31,7 @@ from analysis.reflectance.palette_completion import MaterialBrdfs
 from analysis.registration.lighting import LightOffset
 from analysis.registration.stack import Stack
 from analysis.stages import Stages
-from instrument.validation import raise_if_any
+from instrument.files.validation import raise_if_any
 
 Array = NDArray[np.float64]
 

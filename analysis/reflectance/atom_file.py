@@ -10,8 +10,8 @@ import numpy as np
 
 from analysis.reflectance.atoms import MODELS, AnyAtom, Atom, TabulatedAtom, table_problems
 from analysis.reflectance.models import Cosines
-from instrument.bounds import array_problems, text_problems
-from instrument.validation import InvalidInputError, Problem, raise_if_any
+from instrument.files.untrusted import array_problems, text_problems
+from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 
 TABLE = "table"
 """Stands for the model's name where the atom is a table; its parameters are then number of the grid and index."""

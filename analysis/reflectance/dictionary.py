@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from analysis.reflectance.atoms import MODELS, PUBLISHED, AnyAtom, Atom, TabulatedAtom, published
 from analysis.reflectance.dictionary_file import read_dictionary
 from analysis.reflectance.models import Array, Cosines
-from instrument.validation import InvalidInputError, Problem
+from instrument.files.validation import InvalidInputError, Problem
 
 __all__ = [
     "MODELS",

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from analysis.reflectance.atoms import TabulatedAtom
 from analysis.reflectance.dictionary_file import Material, MaterialTables
 from analysis.reflectance.merl import cell_angles, fill_unmeasured, read_merl
-from instrument.validation import InvalidInputError, Problem, raise_if_any
+from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 
 SUFFIX = ".binary"
 

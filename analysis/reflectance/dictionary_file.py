@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from analysis.reflectance.atom_file import TABLE_DATASETS, read_tables, write_tables
 from analysis.reflectance.atoms import TabulatedAtom
-from instrument.bounds import array_problems, text_problems
-from instrument.foreign import HDF5_ERRORS, open_foreign
-from instrument.validation import InvalidInputError, Problem, raise_if_any
+from instrument.files.untrusted import HDF5_ERRORS, array_problems, open_foreign, text_problems
+from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 
 SCHEMA = "1.0"
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from instrument.validation import InvalidInputError, Problem, raise_if_any
+from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 
 Array = NDArray[np.float64]
 

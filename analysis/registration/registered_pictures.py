@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.registration.lighting import looking_at_centre
 from analysis.registration.stack import Stack
-from instrument.validation import Problem, raise_if_any
+from instrument.files.validation import Problem, raise_if_any
 
 Array = NDArray[np.float64]
 

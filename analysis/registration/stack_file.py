@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.registration.stack import Stack, Truth
-from instrument.bounds import array_problems, text_attribute
-from instrument.foreign import HDF5_ERRORS, hard_linked, open_foreign
-from instrument.json_text import parse_json
-from instrument.validation import InvalidInputError, Problem, raise_if_any
+from instrument.files.json_text import parse_json
+from instrument.files.untrusted import HDF5_ERRORS, array_problems, hard_linked, open_foreign, text_attribute
+from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 
 Array = NDArray[np.float64]
 

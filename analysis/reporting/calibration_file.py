@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from analysis.calibration.session import Calibration
 from analysis.registration.coverage import Coverage
 from analysis.reporting.checks import Check, Status
-from instrument import beside
-from instrument.json_text import parse_json
-from instrument.validation import InvalidInputError, Problem
+from instrument.files import derived_names
+from instrument.files.json_text import parse_json
+from instrument.files.validation import InvalidInputError, Problem
 
 Array = NDArray[np.float64]
 
@@ -115,7 +115,7 @@ def calibration_beside(session: Path, digest: str) -> SavedCalibration | None:
     InvalidInputError
         If one of them cannot be read.
     """
-    for path in beside.made(session, beside.CALIBRATION):
+    for path in derived_names.made(session, derived_names.CALIBRATION):
         found = read_calibration(path)
         if found.session_digest == digest:
             return found

@@ -21,7 +21,7 @@ from analysis.reporting.calibration_figures import calibration_figures
 from analysis.reporting.calibration_file import view_figures
 from analysis.reporting.checks import Check, Status, by_severity, count
 from analysis.reporting.session_facts import SessionFacts, facts_of
-from instrument.session import Session
+from instrument.session.session import Session
 
 _HEADLINE = (
     "errors of the normals",

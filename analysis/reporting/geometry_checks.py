@@ -14,7 +14,7 @@ from analysis.camera.board_layout import rotation_from_vector
 from analysis.camera.calibration import MIN_VIEWS, CameraCalibration
 from analysis.reporting.checks import Check, Limits, Status, graded, rms, unknown
 from analysis.reporting.session_facts import SessionFacts
-from instrument.records import Board
+from instrument.session.records import Board
 
 Array = NDArray[np.float64]
 

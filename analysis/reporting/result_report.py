@@ -18,7 +18,7 @@ from analysis.drawing.figures import STYLE, Point, group_map, picture, png, scal
 from analysis.palette.materials import group_materials
 from analysis.reflectance.models import Cosines
 from analysis.results.result import FLAG_NAMES, MODEL_NAMES, Result, diffuse_albedo, model_used
-from instrument.validation import Problem, raise_if_any
+from instrument.files.validation import Problem, raise_if_any
 
 Array = NDArray[np.float64]
 

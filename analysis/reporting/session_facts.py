@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.calibration.session import Calibration
-from instrument.records import Board
-from instrument.session import Session
+from instrument.session.records import Board
+from instrument.session.session import Session
 
 Array = NDArray[np.float64]
 

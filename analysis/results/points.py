@@ -15,8 +15,8 @@ from analysis.reflectance.models import Cosines
 from analysis.registration.stack import Stack
 from analysis.registration.stack_file import is_stack, read_stack
 from analysis.results.result import FLAG_NAMES, Result
-from instrument.look import refuse_dangerous
-from instrument.validation import InvalidInputError, Problem
+from instrument.files.probe import refuse_dangerous
+from instrument.files.validation import InvalidInputError, Problem
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from analysis.pixels.fits import PixelFits
 from analysis.registration.grid import Grid
-from instrument.bounds import number_problems, text_problems
-from instrument.validation import Problem
+from instrument.files.untrusted import number_problems, text_problems
+from instrument.files.validation import Problem
 
 Shape = tuple[int | str, ...]
 

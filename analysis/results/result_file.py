@@ -23,10 +23,9 @@ from analysis.registration.grid import Grid
 from analysis.results.result import DIFFUSE_REFERENCE_DEG, FLAG_NAMES, MODEL_NAMES, Result, diffuse_albedo, model_used
 from analysis.results.result_checks import result_problems, value_problems
 from analysis.results.views import read_views, write_views
-from instrument.bounds import text_attribute
-from instrument.foreign import HDF5_ERRORS, open_foreign
-from instrument.json_text import parse_json
-from instrument.validation import InvalidInputError, Problem, raise_if_any
+from instrument.files.json_text import parse_json
+from instrument.files.untrusted import HDF5_ERRORS, open_foreign, text_attribute
+from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 
 SCHEMA = "1.2"
 """1.1 brought atoms that are tables, 1.2 the views as they were fitted."""

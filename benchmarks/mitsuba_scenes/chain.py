@@ -18,10 +18,10 @@ from analysis.results.result_file import read_result, write_result
 from analysis.stages import Stages
 from benchmarks.mitsuba_scenes.plate import AREA_MM, boards
 from benchmarks.mitsuba_scenes.views import DISTANCE_MM, LIGHT_BY_RULER_MM, LIGHT_SIGMA_MM, Camera
-from instrument.pictures.importing import CAPTURE_FILE, prepare_import
-from instrument.pictures.writing import write_import
-from instrument.records import Board
-from instrument.session import Session
+from instrument.imports.prepare import CAPTURE_FILE, prepare_import
+from instrument.imports.writing import write_import
+from instrument.session.records import Board
+from instrument.session.session import Session
 
 Array = NDArray[np.float64]
 

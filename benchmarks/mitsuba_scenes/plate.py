@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.mitsuba_scenes.surfaces import HALF_WIDTH_MM
-from instrument.records import Board
+from instrument.session.records import Board
 
 HALF_PLATE_MM = 48.0
 AREA_MM = 44.0

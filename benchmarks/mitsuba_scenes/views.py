@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from analysis.camera.view import View
-from instrument.config import load_protocol
+from instrument.config.loading import load_protocol
 from protocols.plan import stated_poses
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-from instrument.records import CameraRecord
+from instrument.session.records import CameraRecord
 
 # code, type, how many, value, whether to write it to the first page: as tifffile takes a tag.
 Tag = tuple[int, str, int, Any, bool]

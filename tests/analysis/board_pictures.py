@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from instrument.records import Board
+from instrument.session.records import Board
 
 WIDTH, HEIGHT = 640, 480
 MATRIX = np.array([[900.0, 0.0, 324.0], [0.0, 900.0, 235.0], [0.0, 0.0, 1.0]])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from benchmarks.chosen_poses import EXAMPLES, SIZE, THETA_H, Views, all_views, figures_of_stack, simulated_sample
-from instrument.config import load_rig
+from instrument.config.loading import load_rig
 
 RIG = load_rig(EXAMPLES / "simulated.toml")
 

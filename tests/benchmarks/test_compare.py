@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from benchmarks.compare import compare, read_report
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
 
 ROW: dict[str, Any] = {
     "part": "independent",

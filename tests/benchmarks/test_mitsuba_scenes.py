@@ -26,8 +26,8 @@ from benchmarks.mitsuba_scenes.scenes import LEAF, MEDAL, SCENES, Scene
 from benchmarks.mitsuba_scenes.surfaces import HALF_WIDTH_MM
 from benchmarks.mitsuba_scenes.views import LIGHT_OFFSET_MM, Camera, captured, novel
 from drivers.simulated.geometry import camera_from_lab, stage_rotation
-from instrument.config import load_protocol
-from instrument.pictures.importing import load_capture
+from instrument.config.loading import load_protocol
+from instrument.imports.prepare import load_capture
 from protocols.plan import stated_poses
 
 SMALL = Rendering(Camera(96, 72), samples=8, mesh_pitch_mm=1.0)

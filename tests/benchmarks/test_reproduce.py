@@ -10,7 +10,7 @@ import pytest
 from benchmarks import reproduce, reproduction_page, run_experiment
 from benchmarks.experiment import Experiment, Finding, Request, SkippedError, Verdict
 from benchmarks.run_experiment import run
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
 
 
 def finding(request: Request) -> Finding:

@@ -16,7 +16,7 @@ from benchmarks.run import add_ratios, bench, cpu_model, head, selected
 from benchmarks.settings import NOISE, PARTS, QUICK_PARTS, Setting, entries, settings
 from benchmarks.targets import TARGETS, judged
 from cli.output import write_json
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
 
 NONE = float("nan")
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from instrument.config import ProtocolConfig, RigConfig
-from instrument.config_problems import validate
-from instrument.layout import Status
-from instrument.session import Session
+from instrument.config.loading import ProtocolConfig, RigConfig
+from instrument.config.messages import validate
+from instrument.session.layout import Status
+from instrument.session.session import Session
 from protocols.engine import capture, resume
 
 RIG = {

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from instrument.session import Session
-from instrument.verify import verify_session
+from instrument.session.session import Session
+from instrument.session_tools.verify import verify_session
 from tests.campaigns.small_rig import content, ended, processes, run_capture, run_resume
 
 

@@ -21,8 +21,8 @@ from analysis.results.result import result_of
 from analysis.results.result_file import write_result
 from drivers.simulated.truth import Truth
 from drivers.simulated.world import World
-from instrument.config import load_protocol, load_rig
-from instrument.session import Session
+from instrument.config.loading import load_protocol, load_rig
+from instrument.session.session import Session
 from protocols.engine import capture
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "simulated.toml"

@@ -11,7 +11,7 @@ from analysis.camera.board_detection import detect_corners
 from analysis.camera.board_findings import board_findings
 from analysis.camera.board_layout import BoardLayout
 from analysis.pixels.parallax import follow_pixels
-from instrument.records import Board
+from instrument.session.records import Board
 from tests.analysis import board_pictures as pictures
 from tests.analysis import test_camera_calibration as bundle
 from tests.analysis.test_rectification import checker_shift

@@ -14,7 +14,7 @@ from analysis.pixels.problem import Noise
 from analysis.reconstruction.gross_shape import NO_SHAPE, gross_shape
 from analysis.reflectance.dictionary import parametric
 from analysis.registration.stack_file import read_stack, write_stack
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
 from tests.analysis.test_integration import bump_up_right, error, quadratic, surface, with_holes
 from tests.checks.conftest import Record
 from tests.checks.simulated import Simulated

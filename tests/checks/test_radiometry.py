@@ -16,18 +16,18 @@ from analysis.radiometry.frames import MergedFrames
 from analysis.radiometry.hdr import Sensor, merge_bracket
 from analysis.radiometry.response_fit import fit_response
 from analysis.reconstruction.reconstruction import Options, reconstruct
-from instrument import layout
-from instrument.pictures.importing import prepare_import
-from instrument.pictures.writing import write_import
-from instrument.session import Session
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
+from instrument.imports.prepare import prepare_import
+from instrument.imports.writing import write_import
+from instrument.session import layout
+from instrument.session.session import Session
 from tests.analysis import test_exposure_ratios as ratios
 from tests.analysis import test_response_fit as curves
 from tests.analysis.test_merged_frames import BLACK, CLIPS_AT, RADIANCE, TIMES, FakeSession, counts, darks, poses
 from tests.analysis.test_rectification import on_grid
 from tests.checks.conftest import Record
 from tests.checks.simulated import Simulated
-from tests.instrument.pictures.folders import write_capture, write_dng, write_png, write_tiff
+from tests.instrument.imports.folders import write_capture, write_dng, write_png, write_tiff
 from tests.synthetic import make_stack
 
 WARN_BLACK = 0.5

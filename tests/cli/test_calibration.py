@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from cli.main import main
-from tests.instrument.pictures.folders import mosaic, write_dng
+from tests.instrument.imports.folders import mosaic, write_dng
 
 
 def run(*arguments: str | Path) -> int:

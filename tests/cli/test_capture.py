@@ -10,8 +10,8 @@ from rich.console import Console
 
 from cli.main import halfangle, main
 from cli.progress import progress_bar
-from instrument.pose_record import PoseRecord
-from instrument.session import Session
+from instrument.session.records import PoseRecord
+from instrument.session.session import Session
 from protocols import run
 from protocols.bracket import take_pose
 from protocols.plan import Plan

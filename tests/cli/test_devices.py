@@ -15,7 +15,7 @@ from drivers.driver import DeviceState, FoundDevice
 from drivers.errors import DeviceError
 from drivers.light import LightState
 from drivers.simulated.light import SimulatedLight
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
 from tests.cli.test_capture import RIG
 
 

@@ -20,7 +20,7 @@ from analysis.reflectance.models import cosines_from_angles
 from analysis.registration.stack_file import write_stack
 from analysis.results.result_file import read_result
 from cli.main import main
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
 from tests.merl_files import write_materials
 from tests.synthetic import make_stack
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from cli.main import main
-from instrument.session import Session
-from tests.instrument.pictures.folders import mosaic, write_dng, write_png
+from instrument.session.session import Session
+from tests.instrument.imports.folders import mosaic, write_dng, write_png
 
 
 def run(*arguments: str | Path) -> int:

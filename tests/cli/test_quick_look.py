@@ -6,8 +6,8 @@ import pytest
 from PIL import Image
 
 from cli.main import main
-from instrument import layout
-from instrument.config import load_protocol, load_rig
+from instrument.config.loading import load_protocol, load_rig
+from instrument.session import layout
 from protocols.engine import Control, Progress, capture
 from tests.quick_session import write_files
 

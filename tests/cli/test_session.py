@@ -7,9 +7,9 @@ import pytest
 from click.testing import CliRunner
 
 from cli.main import halfangle, main
-from instrument import layout
+from instrument.session import layout
 from protocols.engine import capture
-from tests.instrument.pictures.folders import mosaic, write_dng
+from tests.instrument.imports.folders import mosaic, write_dng
 from tests.protocols.fakes import FakeBench, protocol_config, rig_config
 
 

@@ -20,7 +20,7 @@ from drivers.genicam.driver import DRIVER
 from drivers.genicam.gige import is_controlled
 from drivers.limits import Limits
 from drivers.setting import Setting
-from instrument.bounded import COMMAND_LIMIT, FRAME_MARGIN, BoundedCamera
+from instrument.rig.bounded import COMMAND_LIMIT, FRAME_MARGIN, BoundedCamera
 from tests.drivers.fake_genicam import (
     ADDRESS,
     HEIGHT,

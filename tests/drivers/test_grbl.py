@@ -19,7 +19,7 @@ from drivers.errors import (
     UnsafeError,
 )
 from drivers.grbl.stage import GrblStage
-from instrument.bounded import BoundedStage
+from instrument.rig.bounded import BoundedStage
 from tests.drivers.grbl_double import GrblDouble
 from tests.drivers.grbl_stages import TILT, TURN, settings_of
 

@@ -29,7 +29,7 @@ from drivers.oak.raw import counts_from_bytes
 from drivers.oak.sdk import depthai
 from drivers.oak.settings import OakSettings
 from drivers.settings import settings_from_table
-from instrument.bounded import BoundedCamera
+from instrument.rig.bounded import BoundedCamera
 from tests.drivers.device_page import toml_of_page
 from tests.drivers.oak_double import HEIGHT, SDK, WIDTH, OakDouble, packed, scene, settings_of
 

@@ -27,7 +27,7 @@ from drivers.zaber.driver import DRIVER
 from drivers.zaber.flags import BLOCKING, NOTES, blocked
 from drivers.zaber.settings import ZaberSettings
 from drivers.zaber.stage import ZaberStage
-from instrument.bounded import BoundedStage
+from instrument.rig.bounded import BoundedStage
 from tests.drivers.device_page import toml_of_page
 from tests.drivers.zaber_double import ZaberDouble
 from tests.drivers.zaber_stages import TILT, TURN, settings_of, skip_without_zaber

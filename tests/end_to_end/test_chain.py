@@ -18,7 +18,7 @@ from analysis.results.result_file import read_result
 from cli.demo import EXAMPLES, truth_of
 from cli.main import main
 from drivers.simulated.world import World
-from instrument.config import load_rig
+from instrument.config.loading import load_rig
 
 # A minute of its own; `make test` has the same way, smaller, in tests/checks.
 pytestmark = pytest.mark.slow

@@ -18,10 +18,10 @@ from analysis.registration.stack_file import read_stack
 from analysis.results.result_file import read_result
 from cli.demo import EXAMPLES
 from drivers.simulated.world import World
-from instrument import layout
-from instrument.config import load_protocol, load_rig
-from instrument.rig_config import RigConfig
-from instrument.session import Session
+from instrument.config.loading import load_protocol, load_rig
+from instrument.config.rig import RigConfig
+from instrument.session import layout
+from instrument.session.session import Session
 from protocols.engine import capture
 from tests.end_to_end.test_chain import run
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import serial
 
-from instrument.session import Session
+from instrument.session.session import Session
 from tests.drivers.fake_genicam import SERIAL_NUMBER, FakeGenicam, SecondClient
 from tests.drivers.grbl_double import GrblDouble
 from tests.drivers.lit_genicam import BLACK, RATE

@@ -18,14 +18,14 @@ from drivers.simulated.clock import VirtualClock
 from drivers.simulated.devices import open_faulty
 from drivers.simulated.faults import Fault
 from drivers.simulated.world import World
-from instrument.config import ProtocolConfig, RigConfig
-from instrument.config_problems import validate
-from instrument.layout import Field
-from instrument.pose_record import PoseRecord
-from instrument.recorder import Recorder
-from instrument.rig import Rig
-from instrument.session import Session
-from instrument.verify import verify_session
+from instrument.config.loading import ProtocolConfig, RigConfig
+from instrument.config.messages import validate
+from instrument.rig.rig import Rig
+from instrument.session.layout import Field
+from instrument.session.recorder import Recorder
+from instrument.session.records import PoseRecord
+from instrument.session.session import Session
+from instrument.session_tools.verify import verify_session
 from protocols.engine import CaptureFaultError, Finish, Outcome, capture, resume
 from protocols.progress import Watcher
 from tests.campaigns import small_rig

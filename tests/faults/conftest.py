@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from instrument import bounded
+from instrument.rig import bounded
 from protocols.engine import Finish
 from tests.faults import bench
 

@@ -21,14 +21,14 @@ import pytest
 from drivers.errors import UnsafeError
 from drivers.registry import Devices
 from drivers.simulated.geometry import translation
-from instrument import event_lines, layout, recorder
-from instrument.pose_record import PoseRecord
-from instrument.recorder import _BOOKKEEPING, Recorder
-from instrument.rig import Rig
-from instrument.rig_lock import RigBusyError
-from instrument.session import Session
-from instrument.validation import InvalidInputError
-from instrument.verify import verify_session
+from instrument.files.validation import InvalidInputError
+from instrument.rig.lock import RigBusyError
+from instrument.rig.rig import Rig
+from instrument.session import audit, layout, recorder
+from instrument.session.recorder import _BOOKKEEPING, Recorder
+from instrument.session.records import PoseRecord
+from instrument.session.session import Session
+from instrument.session_tools.verify import verify_session
 from protocols import writer
 from protocols.engine import CaptureFaultError, Control, Finish, Progress, capture, resume
 from tests.campaigns.small_rig import ended, processes
@@ -318,7 +318,7 @@ def test_a_wall_clock_that_jumps_changes_labels_only(
             cls.n_asked += 1
             return datetime.now(UTC) + jump * (cls.n_asked % 3)
 
-    monkeypatch.setattr(event_lines, "datetime", JumpingClock)
+    monkeypatch.setattr(audit, "datetime", JumpingClock)
     assert capture_with(tmp_path / "s.h5", FaultyBench()) is Finish.COMPLETE
     assert bench.content(tmp_path / "s.h5") == whole
     with Session(tmp_path / "s.h5") as session:

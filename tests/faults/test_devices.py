@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from drivers.simulated.faults import Fault
-from instrument.session import Session
-from instrument.verify import verify_session
+from instrument.session.session import Session
+from instrument.session_tools.verify import verify_session
 from protocols.engine import Finish
 from tests.faults import bench
 from tests.faults.record import FaultRecord

@@ -11,8 +11,8 @@ import pytest
 
 from drivers.registry import Devices
 from drivers.simulated.faults import EFFECTS, Fault, FaultScript
-from instrument.session import Session
-from instrument.verify import verify_session
+from instrument.session.session import Session
+from instrument.session_tools.verify import verify_session
 from tests.faults import bench
 
 CALLS = {

@@ -16,8 +16,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from drivers.errors import CancelledError, DeviceError
 from drivers.simulated.faults import Fault
-from instrument.session import Session
-from instrument.verify import verify_session
+from instrument.session.session import Session
+from instrument.session_tools.verify import verify_session
 from protocols.engine import Control, Progress, capture, resume
 from tests.campaigns.small_rig import ended, processes
 from tests.faults import bench

@@ -16,7 +16,7 @@ from analysis.reporting.checks import by_severity
 from cli.output import write_json
 from gui.calibration_tab import CalibrationTab
 from gui.checks_table import OUTCOMES
-from instrument.session import Session
+from instrument.session.session import Session
 from protocols.engine import capture
 from tests.analysis.calibrations import calibration, camera, facts
 from tests.protocols.fakes import FakeBench, protocol_config, rig_config

@@ -11,7 +11,7 @@ from pytestqt.qtbot import QtBot
 from drivers.simulated.faults import Fault
 from gui.light_sign import LightSign
 from gui.main_window import MainWindow
-from instrument.session import Session
+from instrument.session.session import Session
 from tests.cli.test_capture import PROTOCOL
 from tests.gui.faulty_bench import FaultyBench
 from tests.gui.test_main_window import escape, rig_config

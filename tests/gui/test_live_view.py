@@ -13,7 +13,7 @@ from drivers.limits import Limits
 from drivers.simulated.devices import open_simulated
 from gui.live_picture import BRIGHTEST, look_at
 from gui.live_view import LiveView
-from instrument.frame_facts import BLACK, CLIPPED, Counts
+from instrument.rig.frame_statistics import BLACK, CLIPPED, Counts
 from tests.drivers.rigs import small_rig
 from tests.gui.test_main_window import rig_config
 

@@ -27,8 +27,8 @@ from drivers.simulated.world import World
 from gui import acquisition
 from gui.light_sign import LightSign
 from gui.main_window import MainWindow
-from instrument.config import RigConfig
-from instrument.config_problems import validate
+from instrument.config.loading import RigConfig
+from instrument.config.messages import validate
 from tests.drivers.rigs import small_rig
 
 SATURATION = 4095

@@ -11,9 +11,9 @@ import pytest
 
 from analysis.registration.stack_file import write_stack
 from gui.next_step import calibrating, reconstructing, reporting
-from instrument import layout
-from instrument.session import Session
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
+from instrument.session import layout
+from instrument.session.session import Session
 from protocols.engine import capture
 from tests.protocols.fakes import FakeBench, protocol_config, rig_config
 from tests.synthetic import make_stack

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from instrument.session import Session
+from instrument.session.session import Session
 from tests.cli.test_capture import PROTOCOL, RIG
 from tests.gui.told_console import ToldConsole
 

@@ -10,8 +10,8 @@ from cli.demo import EXAMPLES
 from drivers.registry import open_devices
 from gui.main_window import MainWindow
 from gui.sessions_table import FILE
-from instrument import layout
-from instrument.config import load_protocol, load_rig
+from instrument.config.loading import load_protocol, load_rig
+from instrument.session import layout
 from protocols import engine
 from tests.end_to_end.test_chain import PROTOCOL
 from tests.gui.test_main_window import bench, window

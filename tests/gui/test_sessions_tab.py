@@ -12,7 +12,7 @@ from drivers.registry import open_devices
 from gui import command
 from gui.sessions_tab import Files, SessionsTab, files_of
 from gui.sessions_table import BEGUN, FILE, POSES, STATE, TITLE
-from instrument.config import load_protocol
+from instrument.config.loading import load_protocol
 from protocols import engine
 from tests.cli.test_capture import PROTOCOL
 from tests.gui.test_main_window import rig_config

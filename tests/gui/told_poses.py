@@ -10,7 +10,7 @@ from PySide6.QtCore import QObject, Signal
 from drivers.limits import Limits
 from drivers.stage import AxisDescription
 from gui.seen_poses import SeenPoses
-from instrument.preview import Preview
+from instrument.session.preview import Preview
 from protocols.planned_poses import PlannedPoses
 from protocols.poses import Pose, ring
 from protocols.progress import News, PoseBegun, PoseTaken, Progress, State

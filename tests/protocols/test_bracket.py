@@ -5,7 +5,7 @@ import pytest
 
 from drivers.camera import Frame
 from drivers.errors import DeviceError, UnsafeError
-from instrument.rig import Rig
+from instrument.rig.rig import Rig
 from protocols.bracket import Bracket, take_pose
 from protocols.darks_and_flats import take_darks, take_flats
 from tests.protocols.fakes import BLACK, SATURATION, FakeBench, FakeCamera, FakeLight, FakeStage, rig_config

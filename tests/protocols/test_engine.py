@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from drivers.errors import DeviceError
-from instrument.layout import Status
-from instrument.recorder import Recorder
-from instrument.session import Session
-from instrument.validation import InvalidInputError
-from instrument.verify import verify_session
+from instrument.files.validation import InvalidInputError
+from instrument.session.layout import Status
+from instrument.session.recorder import Recorder
+from instrument.session.session import Session
+from instrument.session_tools.verify import verify_session
 from protocols.engine import CaptureFaultError, Finish, Outcome, Progress, State, capture, resume
 from tests.campaigns.small_rig import content
 from tests.protocols.fakes import FakeBench, Script, fault_at, no_fault, protocol_config, rig_config

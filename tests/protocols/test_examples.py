@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from instrument.config import load_rig
-from instrument.session import Session
-from instrument.verify import verify_session
+from instrument.config.loading import load_rig
+from instrument.session.session import Session
+from instrument.session_tools.verify import verify_session
 from protocols.engine import Finish, capture
 from protocols.python_protocol import load_any_protocol
 

@@ -15,9 +15,9 @@ from event_model import DocumentNames, DocumentRouter, schema_validators
 from drivers.errors import DeviceLimitError
 from drivers.registry import open_devices
 from drivers.simulated.faults import Fault
-from instrument.documents import as_line, documents
-from instrument.rig import Rig
-from instrument.session import Session
+from instrument.rig.rig import Rig
+from instrument.session.session import Session
+from instrument.session_tools.documents import as_line, documents
 from protocols.bracket import Bracket
 from protocols.facility import FacilityBracket, facility_axes
 from tests.faults import bench

@@ -9,8 +9,8 @@ import pytest
 
 from drivers.simulated.brdf import evaluate
 from drivers.simulated.materials import Microfacet, table
-from instrument.chosen_config import ChosenConfig
-from instrument.config import load_rig
+from instrument.config.loading import load_rig
+from instrument.config.protocol import ChosenConfig
 from protocols.information import Cases, expected_cases, gradient, information_vectors, prior_information
 from protocols.rough_material import PARAMETERS, brdf, radiance
 

@@ -6,12 +6,12 @@ import h5py
 import numpy as np
 import pytest
 
-from instrument import layout
-from instrument.config import ProtocolConfig, load_protocol
-from instrument.config_problems import validate
-from instrument.session import Session
-from instrument.validation import InvalidInputError
-from instrument.verify import verify_session
+from instrument.config.loading import ProtocolConfig, load_protocol
+from instrument.config.messages import validate
+from instrument.files.validation import InvalidInputError
+from instrument.session import layout
+from instrument.session.session import Session
+from instrument.session_tools.verify import verify_session
 from protocols.dry_run import dry_run
 from protocols.engine import Finish, Outcome, capture
 from tests.faults.bench import FaultyBench, rig_config

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 
 from drivers.errors import UnsafeError
 from drivers.registry import open_devices
-from instrument.config import ProtocolConfig
-from instrument.config_problems import validate
-from instrument.rig import Rig
-from instrument.session import Session
+from instrument.config.loading import ProtocolConfig
+from instrument.config.messages import validate
+from instrument.rig.rig import Rig
+from instrument.session.session import Session
 from protocols.engine import Finish, capture
 from protocols.metering import SceneRange, fewest_exposures, largest_noise, scout_poses
 from protocols.prepare import prepare

@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from instrument.config import ProtocolConfig
-from instrument.validation import InvalidInputError
+from instrument.config.loading import ProtocolConfig
+from instrument.files.validation import InvalidInputError
 from protocols.dry_run import dry_run
 from protocols.plan import Plan
 from tests.protocols.fakes import FakeBench, protocol_config, rig_config

@@ -10,9 +10,9 @@ from drivers.limits import Limits
 from drivers.simulated.stage import SimulatedStage
 from drivers.simulated.world import World
 from drivers.stage import AxisDescription
-from instrument.chosen_config import ChosenConfig
-from instrument.config import RigConfig, load_protocol, load_rig
-from instrument.validation import InvalidInputError
+from instrument.config.loading import RigConfig, load_protocol, load_rig
+from instrument.config.protocol import ChosenConfig
+from instrument.files.validation import InvalidInputError
 from protocols.criterion import Criterion
 from protocols.nominal_geometry import lens_and_light
 from protocols.plan import Plan

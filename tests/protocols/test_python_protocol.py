@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
 from protocols.plan import Plan
 from protocols.poses import repeated, ring
 from protocols.python_protocol import load_any_protocol

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from drivers.registry import open_devices
-from instrument.config import RigConfig
-from instrument.config_problems import validate
-from instrument.rig import Rig
+from instrument.config.loading import RigConfig
+from instrument.config.messages import validate
+from instrument.rig.rig import Rig
 from protocols.bracket import Bracket, take_pose
 from protocols.reference import ReferencePatch
 from tests.drivers.rigs import small_rig

@@ -12,10 +12,10 @@ import pytest
 from drivers.registry import Devices
 from drivers.simulated.clock import VirtualClock
 from drivers.simulated.devices import open_simulated
-from instrument.config import ProtocolConfig, RigConfig, load_protocol, load_rig
-from instrument.layout import Status
-from instrument.session import Session
-from instrument.verify import verify_session
+from instrument.config.loading import ProtocolConfig, RigConfig, load_protocol, load_rig
+from instrument.session.layout import Status
+from instrument.session.session import Session
+from instrument.session_tools.verify import verify_session
 from protocols.dry_run import FRAME_OVERHEAD, dry_run
 from protocols.engine import Finish, Progress, capture, resume
 

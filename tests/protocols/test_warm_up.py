@@ -8,8 +8,8 @@ from drivers.clock import RealClock
 from drivers.light import LightState
 from drivers.registry import open_devices
 from drivers.simulated.clock import VirtualClock
-from instrument.protocol_config import WatchConfig
-from instrument.rig import Rig
+from instrument.config.protocol import WatchConfig
+from instrument.rig.rig import Rig
 from protocols.engine import Control, Finish, Progress, State, capture
 from protocols.warm_up import WINDOW, slope_per_minute, warm_up
 from tests.faults.bench import FaultyBench, protocol_config, rig_config

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from instrument.preview import Preview
-from instrument.session import Session
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
+from instrument.session.preview import Preview
+from instrument.session.session import Session
 from protocols import begun, run
 from protocols.dry_run import dry_run
 from protocols.engine import Control, Finish, Progress, capture, resume

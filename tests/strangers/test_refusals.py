@@ -15,9 +15,9 @@ from analysis.reflectance.dictionary_file import read_dictionary
 from analysis.registration.stack_file import read_stack
 from analysis.reporting.result_report import write_report
 from analysis.results.result_file import read_result
-from instrument import layout
-from instrument.session import Session
-from instrument.validation import InvalidInputError, Problem
+from instrument.files.validation import InvalidInputError, Problem
+from instrument.session import layout
+from instrument.session.session import Session
 
 READERS: dict[str, Callable[[Path], object]] = {
     "session": Session,

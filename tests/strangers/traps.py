@@ -6,7 +6,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from instrument import layout
+from instrument.session import layout
 
 
 def crashing(path: Path, i_pose: int = 1) -> None:

@@ -25,11 +25,11 @@ from analysis.reflectance.models import Cosines
 from analysis.registration.stack_file import is_stack, read_stack
 from analysis.reporting.result_report import write_report
 from analysis.results.result_file import read_result
-from instrument.look import look
-from instrument.session import Session
-from instrument.summary import summarise_here
-from instrument.validation import InvalidInputError
-from instrument.verify import verify_session
+from instrument.files.probe import look
+from instrument.files.validation import InvalidInputError
+from instrument.session.session import Session
+from instrument.session_tools.summary import summarise_here
+from instrument.session_tools.verify import verify_session
 from tests.strangers.mutations import mutate
 
 MEMORY_BYTES = 3 * 2**30

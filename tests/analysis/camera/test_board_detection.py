@@ -7,7 +7,7 @@ from analysis.camera.board_detection import BoardCorners, _homography, detect_co
 from analysis.camera.board_layout import BoardLayout
 from analysis.camera.board_pattern import pattern
 from analysis.camera.calibration import usable_views
-from instrument.records import Board
+from instrument.session.records import Board
 from tests.analysis.board_pictures import (
     BOARDS,
     CHECKER,

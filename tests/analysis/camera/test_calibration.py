@@ -12,8 +12,8 @@ from analysis.camera.board_detection import BoardCorners
 from analysis.camera.board_findings import board_findings
 from analysis.camera.board_layout import BoardLayout
 from analysis.camera.calibration import CameraCalibration, calibrate_camera
-from instrument.records import Board
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
+from instrument.session.records import Board
 from tests.analysis.board_pictures import HEIGHT, MATRIX, WIDTH, corners_of, pose, project
 
 BOARDS = tuple(

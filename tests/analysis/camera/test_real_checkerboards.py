@@ -16,7 +16,7 @@ from analysis.camera.board_detection import detect_corners
 from analysis.camera.board_findings import board_findings
 from analysis.camera.board_layout import BoardLayout
 from analysis.camera.calibration import CameraCalibration, calibrate_camera
-from instrument.records import Board
+from instrument.session.records import Board
 
 FOLDER = Path("/usr/share/doc/opencv-doc/examples/data")
 PUBLISHED = {"f": (535.916, 0.88), "cx": (342.283, 0.93), "cy": (235.571, 1.01)}

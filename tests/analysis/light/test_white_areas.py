@@ -4,7 +4,7 @@ import numpy as np
 
 from analysis.camera.board_layout import BoardLayout
 from analysis.light.white import WhitePoints, border_points, white_points
-from instrument.records import Board
+from instrument.session.records import Board
 from tests.analysis.board_pictures import LEFT, PER_MM, printed
 
 

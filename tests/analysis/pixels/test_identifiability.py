@@ -6,7 +6,7 @@ import pytest
 from analysis.pixels.identifiability import view_problems
 from analysis.reconstruction.reconstruction import reconstruct
 from analysis.registration.stack import Stack
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
 from tests.synthetic import camera_ring, make_stack
 
 

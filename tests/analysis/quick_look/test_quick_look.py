@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from analysis.quick_look.quick_look import QuickLook, quick_look
 from analysis.quick_look.views import CLIPS_FROM, quick_grid, quick_stack
-from instrument.config import load_protocol, load_rig
-from instrument.nominal_views import NominalViews
-from instrument.preview import Preview
-from instrument.session import Session
+from instrument.config.loading import load_protocol, load_rig
+from instrument.session.nominal_views import NominalViews
+from instrument.session.preview import Preview
+from instrument.session.session import Session
 from protocols.engine import capture
 from protocols.progress import PoseTaken, Progress
 from protocols.session_rig import planned_poses_of

@@ -6,8 +6,8 @@ import pytest
 
 from analysis.light.flat_field import session_flat_field
 from analysis.radiometry.frames import MergedFrames
-from instrument.records import CameraRecord
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
+from instrument.session.records import CameraRecord
 from tests.analysis.test_response_fit import bracket, srgb_encoded
 
 TIMES = np.array([0.002, 0.008, 0.032])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from analysis.radiometry.response import gamma_response, srgb_response, table_response
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
 
 
 def test_srgb_is_that_of_the_standard():

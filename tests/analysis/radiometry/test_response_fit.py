@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.radiometry.response_fit import ResponseFit, fit_response, predict_each
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
 
 SHARED = Path(os.environ.get("HALFANGLE_SHARED_DATA", Path(__file__).parents[4] / "shared" / "data"))
 

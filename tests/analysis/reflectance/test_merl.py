@@ -13,7 +13,7 @@ from analysis.reflectance.merl import (
     read_merl,
     write_merl,
 )
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
 from tests.merl_files import merl_brdf
 
 

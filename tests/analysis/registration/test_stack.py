@@ -9,7 +9,7 @@ import pytest
 from analysis.pixels.problem import samples_of
 from analysis.registration.stack import Stack
 from analysis.registration.stack_file import read_stack, write_stack
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
 from tests.synthetic import make_stack
 
 GEOMETRY = "/entry/geometry"

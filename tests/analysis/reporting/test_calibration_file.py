@@ -14,7 +14,7 @@ from analysis.reporting.calibration_file import calibration_beside, read_calibra
 from analysis.reporting.calibration_report import CalibrationReport
 from analysis.reporting.checks import by_severity
 from cli.output import write_json
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
 from tests.analysis.calibrations import calibration, camera, facts
 
 

@@ -15,7 +15,7 @@ from analysis.registration.stack_file import write_stack
 from analysis.results.points import CLIPPED, UNSEEN, USED, WRONG, PointSamples, point_curve, point_samples, source_stack
 from analysis.results.result import Result, result_of
 from analysis.results.result_file import read_result, write_result
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
 from tests.synthetic import make_stack
 
 N_VIEWS, SIZE = 30, 12

@@ -16,7 +16,7 @@ from analysis.registration.stack_file import write_stack
 from analysis.results.result import FLAG_NAMES, MODEL_NAMES, Result, diffuse_albedo, model_used, result_of
 from analysis.results.result_file import read_result, write_result
 from analysis.stages import Stage
-from instrument.validation import InvalidInputError
+from instrument.files.validation import InvalidInputError
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from instrument.pictures import exif
 from instrument.pictures.exif import Shot, read_shot
 from instrument.pictures.picture import UnreadablePictureError
 from instrument.pictures.reading import read_picture
-from tests.instrument.pictures.folders import (
+from tests.instrument.imports.folders import (
     H,
     W,
     mosaic,

@@ -1,0 +1,1 @@
+"""Rig and protocol files in TOML."""

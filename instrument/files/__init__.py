@@ -1,0 +1,1 @@
+"""Files in general: checked input, text, digests, files from strangers."""

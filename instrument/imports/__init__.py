@@ -1,0 +1,1 @@
+"""Pictures from elsewhere as sessions, and sessions as pictures."""

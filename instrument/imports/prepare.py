@@ -1,0 +1,142 @@
+"""Pictures of a folder become a session, whole or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import reduce
+from operator import or_
+from pathlib import Path
+
+from instrument.config.loading import load_settings
+from instrument.config.messages import dotted
+from instrument.config.toml_lines import KeyPath, TomlLines
+from instrument.files.validation import InvalidInputError, Problem, raise_if_any
+from instrument.imports.arrangement import (
+    Arrangement,
+    arrange,
+    arrangement_problems,
+    consistency_problems,
+    time_problems,
+)
+from instrument.imports.capture_config import RESPONSE_REMEDY, CaptureConfig, capture_misfits
+from instrument.imports.response_curve import Curve, given_curve
+from instrument.imports.selection import select
+from instrument.imports.sensor import Sensor, sensor_of
+from instrument.imports.survey import Watcher, survey
+
+CAPTURE_FILE = "capture.toml"
+
+
+@dataclass(frozen=True)
+class Import:
+    """Pictures that have been looked at and are ready to be written.
+
+    Attributes
+    ----------
+    config : CaptureConfig
+    arrangement : Arrangement
+    sensor : Sensor
+    response : ndarray of float32, shape (1 or 3, L), or None
+        A given curve.
+    """
+
+    config: CaptureConfig
+    arrangement: Arrangement
+    sensor: Sensor
+    response: Curve | None
+
+
+def load_capture(path: Path) -> CaptureConfig:
+    """Read a `capture.toml`.
+
+    Raises
+    ------
+    InvalidInputError
+        With every problem found, each at ``file:line``.
+    """
+    return load_settings(CaptureConfig, path, capture_misfits)
+
+
+def prepare_import(folder: Path, capture_file: Path, watch: Watcher = lambda done, total, name: None) -> Import:
+    """Look at every picture that a `capture.toml` asks for; nothing is written.
+
+    Parameters
+    ----------
+    folder : Path
+        What the names of files are relative to.
+    capture_file : Path
+    watch : callable, optional
+        Told how many of how many pictures have been looked at, and the name of the next.
+
+    Raises
+    ------
+    InvalidInputError
+        With everything that is wrong with the settings, or with the choice of files and the files themselves, or
+        with how they fit each other.
+    """
+    config = load_capture(capture_file)
+    title = f"{folder} cannot be imported"
+    place = _Place(capture_file.name, TomlLines(config.text))
+    arrangement = _arranged(config, folder, place, title, watch)
+    raise_if_any(
+        title,
+        [
+            *arrangement_problems(arrangement),
+            *consistency_problems(arrangement),
+            *_linearity_problems(config, arrangement, place),
+        ],
+    )
+    with _blaming(place, ("camera",), title):
+        sensor = _sensor(config, arrangement)
+    with _blaming(place, ("response", "curve"), title):
+        curve = None if config.response is None else given_curve(config.response, 2**sensor.camera.bit_depth, folder)
+    return Import(config, arrangement, sensor, curve)
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where the keys of a `capture.toml` stand."""
+
+    name: str
+    lines: TomlLines
+
+    def of(self, key: KeyPath) -> str:
+        return f"{self.name}:{self.lines.line(key)}"
+
+
+@contextmanager
+def _blaming(place: _Place, key: KeyPath, title: str) -> Iterator[None]:
+    """Turn a ValueError into a problem at `key`."""
+    try:
+        yield
+    except ValueError as error:
+        raise InvalidInputError(title, [Problem(place.of(key), f"{dotted(key)}: {error}")]) from None
+
+
+def _arranged(config: CaptureConfig, folder: Path, place: _Place, title: str, watch: Watcher) -> Arrangement:
+    """Find the pictures, look at all of them, and put them in their places."""
+    selection, complaints = select(config, folder)
+    names = {pick.path: pick.name for pick in selection.all()}
+    good, bad = survey(names, watch)
+    problems = [Problem(place.of(key), what) for key, what in sorted(complaints, key=lambda c: place.lines.line(c[0]))]
+    problems += [Problem(names[path], why) for path, why in bad.items()]
+    raise_if_any(title, [*problems, *time_problems(selection, good)])
+    return arrange(selection, good)
+
+
+def _linearity_problems(config: CaptureConfig, arrangement: Arrangement, place: _Place) -> Iterator[Problem]:
+    dtype = arrangement.frames[0].surveyed.dtype
+    if dtype == "u1" and config.linear is None and config.response is None:
+        what = f"pictures of 8 bits are made for display and not proportional to light; {RESPONSE_REMEDY}"
+        yield Problem(place.of(()), f"{what}. If they are proportional to light, set linear = true")
+    if dtype == "f4" and config.response is not None:
+        what = "floating-point pictures must be linear; undo their curve and leave [response] out"
+        yield Problem(place.of(("response",)), what)
+
+
+def _sensor(config: CaptureConfig, arrangement: Arrangement) -> Sensor:
+    beside = (*arrangement.ambient, *arrangement.flats, *arrangement.response, *arrangement.darks)
+    all_bits = reduce(or_, (frame.surveyed.any_bits for frame in (*arrangement.frames, *beside)))
+    return sensor_of(config.camera, arrangement.frames, all_bits)

@@ -1,0 +1,1 @@
+"""The rig: its devices, opened and left safely."""

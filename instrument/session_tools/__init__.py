@@ -1,0 +1,1 @@
+"""What is done with whole sessions: verify, look over, pack, export."""
