@@ -30,7 +30,7 @@ from drivers.registry import Devices
 from drivers.stage import AxisDescription, StageDescription
 from instrument.config.loading import ProtocolConfig, RigConfig
 from instrument.config.messages import validate
-from protocols.engine import capture
+from protocols.capture.engine import capture
 
 HEIGHT, WIDTH = 1200, 1920
 EXPOSURE_TIMES = (0.001, 0.002, 0.004, 0.008, 0.016)

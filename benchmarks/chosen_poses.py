@@ -35,10 +35,10 @@ from drivers.simulated.world import World
 from drivers.stage import AxisDescription
 from instrument.config.loading import ProtocolConfig, RigConfig, load_protocol, load_rig
 from instrument.config.protocol import BracketConfig, PoseConfig
-from protocols.engine import capture
-from protocols.nominal_geometry import lens_and_light
-from protocols.plan import Plan
-from protocols.pose_choice import choose_poses
+from protocols.capture.engine import capture
+from protocols.planning.plan import Plan
+from protocols.poses.choice import choose_poses
+from protocols.poses.nominal_geometry import lens_and_light
 
 Poses = tuple[dict[str, float], ...]
 

@@ -16,7 +16,7 @@ import click
 from benchmarks.file_to_file import program, timed
 from cli.demo import EXAMPLES
 from instrument.config.loading import load_protocol, load_rig
-from protocols.engine import capture
+from protocols.capture.engine import capture
 
 WIDTH, HEIGHT, FOCAL_LENGTH_PX = 1920, 1200, 3700.0
 EXPOSURE_TIMES_S = (0.002, 0.006, 0.02, 0.06)

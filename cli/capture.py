@@ -13,7 +13,7 @@ import click
 
 if TYPE_CHECKING:
     from instrument.rig.rig import OpenDevices
-    from protocols.engine import Outcome, Progress
+    from protocols.capture.engine import Outcome, Progress
 
 MOST_WARNINGS = 5
 
@@ -34,8 +34,8 @@ faults_option = click.option(
 def plan(protocol: Path, rig: Path, as_json: bool) -> None:
     """Say what capturing PROTOCOL (TOML or Python) would do: poses, time, bytes. Nothing moves or lights."""
     from instrument.config.loading import load_rig
-    from protocols.dry_run import dry_run
-    from protocols.python_protocol import load_any_protocol
+    from protocols.planning.estimate import dry_run
+    from protocols.planning.python_protocol import load_any_protocol
 
     outlook = dry_run(load_rig(rig), load_any_protocol(protocol))
     click.echo(json.dumps(outlook.as_dict(), indent=2) if as_json else outlook.as_text())
@@ -52,8 +52,8 @@ def capture(protocol: Path, rig: Path, output: Path, faults: Path | None) -> Non
     Ctrl-C ends it after the pose under way, a second one at once, both with the light off; `halfangle resume` goes on.
     """
     from instrument.config.loading import load_rig
-    from protocols import engine
-    from protocols.python_protocol import load_any_protocol
+    from protocols.capture import engine
+    from protocols.planning.python_protocol import load_any_protocol
 
     rig_config, protocol_config = load_rig(rig), load_any_protocol(protocol)
     with _bar("capture") as watch:
@@ -68,7 +68,7 @@ def capture(protocol: Path, rig: Path, output: Path, faults: Path | None) -> Non
 def resume(session: Path, accept_moved: bool, faults: Path | None) -> None:
     """Go on with an interrupted SESSION at its first incomplete pose."""
     from instrument.files.probe import refuse_dangerous
-    from protocols import engine
+    from protocols.capture import engine
 
     refuse_dangerous(session)
     with _bar("resume") as watch:
@@ -95,8 +95,8 @@ def _bar(description: str) -> Iterator[Callable[[Progress], None]]:
 
 
 def _conclude(outcome: Outcome) -> None:
-    from protocols.engine import Finish
-    from protocols.progress import duration
+    from protocols.capture.engine import Finish
+    from protocols.planning.plan import duration
 
     for warning in outcome.warnings[:MOST_WARNINGS]:
         click.echo(f"warning: {warning}", err=True)

@@ -75,7 +75,7 @@ def demo(folder: Path, json_file: Path | None, quick: bool, force: bool, quiet: 
 
 def _capture(rig: RigConfig, session: Path, stages: Stages, *, quick: bool) -> None:
     from instrument.config.loading import load_protocol
-    from protocols.engine import capture
+    from protocols.capture.engine import capture
 
     protocol = load_protocol(EXAMPLES / ("quick_sweep.toml" if quick else "hdr_sweep.toml"))
     with stages.measure("capture"):

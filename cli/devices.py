@@ -113,7 +113,7 @@ def frame(
     from instrument.config.loading import load_rig
     from instrument.rig.frame_statistics import Region, frame_facts
     from instrument.rig.rig import Rig
-    from protocols.single_frame import take_single_frame
+    from protocols.acquisition.shot import take_single_frame
 
     config = load_rig(rig_file)
     write = _picture_writer(output)

@@ -13,8 +13,8 @@ from analysis.quick_look.quick_look import quick_look as quick_look_of
 from instrument.files.probe import refuse_dangerous
 from instrument.files.validation import LINE_BREAK, InvalidInputError, Problem, printable
 from instrument.session.session import Session
-from protocols.next_pose import NextPose, next_pose
-from protocols.session_rig import planned_poses_of
+from protocols.planning.next_pose import NextPose, next_pose
+from protocols.planning.session_rig import planned_poses_of
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from PySide6.QtGui import QImage, QPainter, QPaintEvent
 from PySide6.QtWidgets import QGridLayout, QSizePolicy, QVBoxLayout, QWidget
 
 from gui.text import selectable
-from protocols.progress import PoseTaken
+from protocols.capture.progress import PoseTaken
 
 MS = 1e-3
 N_COLUMNS = 3

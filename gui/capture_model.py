@@ -10,10 +10,10 @@ from gui.job import Job, Work
 from gui.rig_use import RigUse
 from instrument.config.loading import RigConfig
 from instrument.rig.rig import OpenDevices
-from protocols import engine
-from protocols.dry_run import Outlook, dry_run
-from protocols.progress import Finish, Outcome
-from protocols.python_protocol import load_any_protocol
+from protocols.capture import engine
+from protocols.capture.progress import Finish, Outcome
+from protocols.planning.estimate import Outlook, dry_run
+from protocols.planning.python_protocol import load_any_protocol
 
 
 class CaptureModel(QObject):
@@ -30,9 +30,9 @@ class CaptureModel(QObject):
     """
 
     begun = Signal()
-    progressed = Signal(object)  # protocols.progress.Progress
-    planned = Signal(object)  # protocols.dry_run.Outlook
-    ended = Signal(object)  # protocols.progress.Outcome
+    progressed = Signal(object)  # protocols.capture.progress.Progress
+    planned = Signal(object)  # protocols.planning.estimate.Outlook
+    ended = Signal(object)  # protocols.capture.progress.Outcome
     failed = Signal(str)  # what went wrong, which, what next
     released = Signal()  # the rig is free again
 

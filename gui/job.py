@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from PySide6.QtCore import QObject, QThread, Signal
 
-from protocols.control import Control
-from protocols.progress import Watcher
+from protocols.capture.control import Control
+from protocols.capture.progress import Watcher
 
 Work = Callable[[Watcher, Control], object]
 
@@ -23,7 +23,7 @@ class Job(QThread):
         As in Qt.
     """
 
-    progressed = Signal(object)  # protocols.progress.Progress
+    progressed = Signal(object)  # protocols.capture.progress.Progress
     succeeded = Signal(object)  # what `work` returned
     failed = Signal(str)  # why it ended, in words
 

@@ -8,7 +8,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLabel, QWidget
 
 from gui.text import QT_TRANSLATE_NOOP
-from protocols.progress import State
+from protocols.capture.progress import State
 
 
 class LightSign(Enum):

@@ -38,8 +38,8 @@ from gui.sessions_tab import SessionsTab
 from gui.stop import EscapeTwice, StopButton
 from instrument.config.loading import RigConfig
 from instrument.rig.rig import OpenDevices
-from protocols.dry_run import Outlook
-from protocols.progress import Outcome, Progress
+from protocols.capture.progress import Outcome, Progress
+from protocols.planning.estimate import Outlook
 
 _UNTIL_DARK_MS = 100
 _NARROWEST = 200

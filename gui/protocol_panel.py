@@ -23,7 +23,8 @@ from gui.files import FileField
 from gui.pose_view import PoseView
 from gui.seen_poses import SeenPoses
 from gui.text import selectable
-from protocols.progress import Progress, duration
+from protocols.capture.progress import Progress
+from protocols.planning.plan import duration
 
 
 class ProtocolPanel(QWidget):

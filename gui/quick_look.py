@@ -17,11 +17,11 @@ from gui.plots import OKABE_ITO, Picture, Plot
 from gui.seen_poses import SeenPoses
 from gui.text import selectable
 from instrument.session.preview import Preview
-from protocols.planned_poses import PlannedPoses
+from protocols.planning.planned_poses import PlannedPoses
 
 if TYPE_CHECKING:
     from analysis.quick_look.quick_look import QuickLook
-    from protocols.next_pose import NextPose
+    from protocols.planning.next_pose import NextPose
 
 REST = 1.0
 """It rests as long as it worked, so that the capture has at least half of a processor more."""
@@ -140,7 +140,7 @@ def _looked_at(asked: tuple[PlannedPoses, dict[int, Preview]]) -> Any:
     # Here, and not above: they take seconds to import, for which the window would not open.
     from analysis.drawing.colours import normal_colours
     from analysis.quick_look.quick_look import quick_look
-    from protocols.next_pose import next_pose
+    from protocols.planning.next_pose import next_pose
 
     planned, previews = asked
     look = quick_look(planned.views, previews)

@@ -8,9 +8,9 @@ from PySide6.QtCore import QObject, Signal
 
 from gui.capture_model import CaptureModel
 from instrument.session.preview import Preview
-from protocols.dry_run import Outlook
-from protocols.planned_poses import PlannedPoses
-from protocols.progress import PoseBegun, PoseTaken, Progress
+from protocols.capture.progress import PoseBegun, PoseTaken, Progress
+from protocols.planning.estimate import Outlook
+from protocols.planning.planned_poses import PlannedPoses
 
 
 class PoseState(Enum):
@@ -31,7 +31,7 @@ class SeenPoses(QObject):
     """
 
     changed = Signal()  # poses, or where they stand
-    taken = Signal(object)  # protocols.progress.PoseTaken
+    taken = Signal(object)  # protocols.capture.progress.PoseTaken
 
     def __init__(self, capture: CaptureModel) -> None:
         super().__init__(capture)

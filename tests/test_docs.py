@@ -16,7 +16,7 @@ from instrument.config.faults import load_faults
 from instrument.config.loading import load_rig
 from instrument.imports.capture_config import CaptureConfig
 from instrument.imports.prepare import load_capture
-from protocols.python_protocol import load_any_protocol
+from protocols.planning.python_protocol import load_any_protocol
 
 ROOT = Path(__file__).parent.parent
 PAGES = [

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from analysis.camera.view import View
 from instrument.config.loading import load_protocol
-from protocols.plan import stated_poses
+from protocols.planning.plan import stated_poses
 
 Array = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ from benchmarks.mitsuba_scenes.views import LIGHT_OFFSET_MM, Camera, captured, n
 from drivers.simulated.geometry import camera_from_lab, stage_rotation
 from instrument.config.loading import load_protocol
 from instrument.imports.prepare import load_capture
-from protocols.plan import stated_poses
+from protocols.planning.plan import stated_poses
 
 SMALL = Rendering(Camera(96, 72), samples=8, mesh_pitch_mm=1.0)
 BY_NAME = pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.name)

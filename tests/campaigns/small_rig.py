@@ -13,7 +13,7 @@ from instrument.config.loading import ProtocolConfig, RigConfig
 from instrument.config.messages import validate
 from instrument.session.layout import Status
 from instrument.session.session import Session
-from protocols.engine import capture, resume
+from protocols.capture.engine import capture, resume
 
 RIG = {
     "name": "small bench",

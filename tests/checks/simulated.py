@@ -23,7 +23,7 @@ from drivers.simulated.truth import Truth
 from drivers.simulated.world import World
 from instrument.config.loading import load_protocol, load_rig
 from instrument.session.session import Session
-from protocols.engine import capture
+from protocols.capture.engine import capture
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "simulated.toml"
 PITCH_MM = 0.75

@@ -12,9 +12,9 @@ from cli.main import halfangle, main
 from cli.progress import progress_bar
 from instrument.session.records import PoseRecord
 from instrument.session.session import Session
-from protocols import run
-from protocols.bracket import take_pose
-from protocols.plan import Plan
+from protocols.acquisition.bracket import take_pose
+from protocols.capture import run
+from protocols.planning.plan import Plan
 
 RIG = """
 name = "small bench"

@@ -8,7 +8,7 @@ from PIL import Image
 from cli.main import main
 from instrument.config.loading import load_protocol, load_rig
 from instrument.session import layout
-from protocols.engine import Control, Progress, capture
+from protocols.capture.engine import Control, Progress, capture
 from tests.quick_session import write_files
 
 

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from cli.main import halfangle, main
 from instrument.session import layout
-from protocols.engine import capture
+from protocols.capture.engine import capture
 from tests.instrument.imports.folders import mosaic, write_dng
 from tests.protocols.fakes import FakeBench, protocol_config, rig_config
 

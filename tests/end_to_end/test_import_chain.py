@@ -22,7 +22,7 @@ from instrument.config.loading import load_protocol, load_rig
 from instrument.config.rig import RigConfig
 from instrument.session import layout
 from instrument.session.session import Session
-from protocols.engine import capture
+from protocols.capture.engine import capture
 from tests.end_to_end.test_chain import run
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1500)]

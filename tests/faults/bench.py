@@ -26,8 +26,8 @@ from instrument.session.recorder import Recorder
 from instrument.session.records import PoseRecord
 from instrument.session.session import Session
 from instrument.session_tools.verify import verify_session
-from protocols.engine import CaptureFaultError, Finish, Outcome, capture, resume
-from protocols.progress import Watcher
+from protocols.capture.engine import CaptureFaultError, Finish, Outcome, capture, resume
+from protocols.capture.progress import Watcher
 from tests.campaigns import small_rig
 
 PROTOCOL = {

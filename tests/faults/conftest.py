@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from instrument.rig import bounded
-from protocols.engine import Finish
+from protocols.capture.engine import Finish
 from tests.faults import bench
 
 

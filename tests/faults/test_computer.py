@@ -29,8 +29,8 @@ from instrument.session.recorder import _BOOKKEEPING, Recorder
 from instrument.session.records import PoseRecord
 from instrument.session.session import Session
 from instrument.session_tools.verify import verify_session
-from protocols import writer
-from protocols.engine import CaptureFaultError, Control, Finish, Progress, capture, resume
+from protocols.capture import pose_writer
+from protocols.capture.engine import CaptureFaultError, Control, Finish, Progress, capture, resume
 from tests.campaigns.small_rig import ended, processes
 from tests.faults import bench
 from tests.faults.bench import FaultyBench
@@ -182,7 +182,7 @@ def test_a_slow_disk_makes_the_rig_wait_in_the_dark_with_bounded_memory(
             assert devices.world is not None
             waiting.append(devices.world.lamp.level > 0.0)
 
-    monkeypatch.setattr(writer, "DEPTH", 1)
+    monkeypatch.setattr(pose_writer, "DEPTH", 1)
     with monkeypatch.context() as patch:
         patch.setattr(Recorder, "write_pose", slowly)
         assert capture_with(tmp_path / "s.h5", devices, progress=watch) is Finish.COMPLETE
@@ -202,7 +202,7 @@ def test_a_disk_that_stalls_is_a_fault_and_not_a_wait_for_ever(
         stalled.wait(5.0)
         write_pose(self, i_pose, record, events)
 
-    monkeypatch.setattr(writer, "DISK_LIMIT", 0.2)
+    monkeypatch.setattr(pose_writer, "DISK_LIMIT", 0.2)
     with monkeypatch.context() as patch:
         patch.setattr(Recorder, "write_pose", stall)
         with pytest.raises(OSError, match=r"the disk has taken no pose for 0.2 s.*The light is off"):

@@ -9,7 +9,7 @@ import pytest
 from drivers.simulated.faults import Fault
 from instrument.session.session import Session
 from instrument.session_tools.verify import verify_session
-from protocols.engine import Finish
+from protocols.capture.engine import Finish
 from tests.faults import bench
 from tests.faults.record import FaultRecord
 

@@ -18,7 +18,7 @@ from drivers.errors import CancelledError, DeviceError
 from drivers.simulated.faults import Fault
 from instrument.session.session import Session
 from instrument.session_tools.verify import verify_session
-from protocols.engine import Control, Progress, capture, resume
+from protocols.capture.engine import Control, Progress, capture, resume
 from tests.campaigns.small_rig import ended, processes
 from tests.faults import bench
 from tests.faults.bench import FaultyBench

@@ -17,7 +17,7 @@ from cli.output import write_json
 from gui.calibration_tab import CalibrationTab
 from gui.checks_table import OUTCOMES
 from instrument.session.session import Session
-from protocols.engine import capture
+from protocols.capture.engine import capture
 from tests.analysis.calibrations import calibration, camera, facts
 from tests.protocols.fakes import FakeBench, protocol_config, rig_config
 

@@ -12,7 +12,7 @@ from drivers.simulated.camera import SimulatedCamera
 from drivers.simulated.faults import EFFECTS, Fault
 from gui.light_sign import LightSign
 from gui.main_window import MainWindow
-from protocols import run
+from protocols.capture import run
 from tests.faults.bench import rig_config
 from tests.faults.conftest import impatient
 from tests.faults.test_devices import ALWAYS, FIRST_POSE, NEVER_BACK, SECOND_POSE

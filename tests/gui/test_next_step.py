@@ -14,7 +14,7 @@ from gui.next_step import calibrating, reconstructing, reporting
 from instrument.files.validation import InvalidInputError
 from instrument.session import layout
 from instrument.session.session import Session
-from protocols.engine import capture
+from protocols.capture.engine import capture
 from tests.protocols.fakes import FakeBench, protocol_config, rig_config
 from tests.synthetic import make_stack
 

@@ -14,7 +14,7 @@ from gui.pose_canvas import PoseCanvas
 from gui.pose_signs import COLOURS, SIGNS, draw_sign
 from gui.pose_view import PoseView
 from gui.seen_poses import PoseState, SeenPoses
-from protocols.progress import PoseBegun
+from protocols.capture.progress import PoseBegun
 from tests.gui.told_poses import ToldCapture, planned
 
 P, C, D, M = PoseState.PLANNED, PoseState.CURRENT, PoseState.COMPLETE, PoseState.MISSED

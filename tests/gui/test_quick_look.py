@@ -7,7 +7,7 @@ import pytest
 from pytestqt.qtbot import QtBot
 
 from gui.quick_look import QuickLookTab
-from protocols.poses import ring
+from protocols.poses.patterns import ring
 from tests.gui.told_poses import ToldCapture, planned
 
 POSES = (*ring(0.0, 1), *ring(20.0, 3), *ring(40.0, 4, 10.0))

@@ -12,7 +12,7 @@ from gui.main_window import MainWindow
 from gui.sessions_table import FILE
 from instrument.config.loading import load_protocol, load_rig
 from instrument.session import layout
-from protocols import engine
+from protocols.capture import engine
 from tests.end_to_end.test_chain import PROTOCOL
 from tests.gui.test_main_window import bench, window
 

@@ -13,7 +13,7 @@ from gui import command
 from gui.sessions_tab import Files, SessionsTab, files_of
 from gui.sessions_table import BEGUN, FILE, POSES, STATE, TITLE
 from instrument.config.loading import load_protocol
-from protocols import engine
+from protocols.capture import engine
 from tests.cli.test_capture import PROTOCOL
 from tests.gui.test_main_window import rig_config
 

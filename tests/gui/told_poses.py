@@ -11,9 +11,9 @@ from drivers.limits import Limits
 from drivers.stage import AxisDescription
 from gui.seen_poses import SeenPoses
 from instrument.session.preview import Preview
-from protocols.planned_poses import PlannedPoses
-from protocols.poses import Pose, ring
-from protocols.progress import News, PoseBegun, PoseTaken, Progress, State
+from protocols.capture.progress import News, PoseBegun, PoseTaken, Progress, State
+from protocols.planning.planned_poses import PlannedPoses
+from protocols.poses.patterns import Pose, ring
 from tests.protocols.fakes import HEIGHT, WIDTH, rig_config
 
 AXES = (

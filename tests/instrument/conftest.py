@@ -5,7 +5,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-from protocols.engine import capture
+from protocols.capture.engine import capture
 from tests.protocols.fakes import FakeBench, protocol_config, rig_config
 
 Change = Callable[[h5py.File], object]

@@ -12,7 +12,7 @@ from analysis.registration.stack_file import write_stack
 from analysis.results.result import result_of
 from analysis.results.result_file import write_result
 from analysis.stages import Stages
-from protocols.engine import capture
+from protocols.capture.engine import capture
 from tests.protocols.fakes import FakeBench, protocol_config, rig_config
 from tests.synthetic import make_stack
 

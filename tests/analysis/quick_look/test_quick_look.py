@@ -15,9 +15,9 @@ from instrument.config.loading import load_protocol, load_rig
 from instrument.session.nominal_views import NominalViews
 from instrument.session.preview import Preview
 from instrument.session.session import Session
-from protocols.engine import capture
-from protocols.progress import PoseTaken, Progress
-from protocols.session_rig import planned_poses_of
+from protocols.capture.engine import capture
+from protocols.capture.progress import PoseTaken, Progress
+from protocols.planning.session_rig import planned_poses_of
 from tests.quick_session import true_normals, write_files
 
 

@@ -16,7 +16,7 @@ from instrument.pictures.reading import read_picture
 from instrument.session import layout
 from instrument.session.session import Session
 from instrument.session_tools.verify import verify_session
-from protocols.engine import capture
+from protocols.capture.engine import capture
 from tests.instrument.imports.folders import H, W, mosaic, write_capture, write_dng, write_exr, write_jpeg, write_png
 
 RIG = """

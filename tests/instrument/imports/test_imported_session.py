@@ -22,7 +22,7 @@ from instrument.session.recorder import Recorder
 from instrument.session.records import Board, CameraRecord, Geometry, PoseRecord
 from instrument.session.session import Session
 from instrument.session_tools.verify import verify_session
-from protocols.engine import Finish, resume
+from protocols.capture.engine import Finish, resume
 
 H, W = 16, 24
 CAMERA = CameraRecord("acme", "pocket", "", H, W, 3, "f4", 32, 0.0, np.inf, "", np.nan, np.nan)

@@ -10,7 +10,7 @@ from instrument.session import layout
 from instrument.session.layout import Status
 from instrument.session.records import Board
 from instrument.session.session import Session
-from protocols.plan import Plan
+from protocols.planning.plan import Plan
 from tests.instrument.conftest import Change
 from tests.protocols.fakes import HEIGHT, WIDTH, protocol_config, rig_config
 

@@ -13,7 +13,7 @@ from instrument.files.validation import InvalidInputError
 from instrument.session import layout
 from instrument.session_tools.examination import examination
 from instrument.session_tools.summary import summarise_all
-from protocols.engine import capture
+from protocols.capture.engine import capture
 from tests.instrument.conftest import Change
 from tests.protocols import fakes
 from tests.protocols.fakes import FakeBench, protocol_config, rig_config

@@ -15,7 +15,7 @@ from instrument.session.session import Session
 from instrument.session_tools import pack
 from instrument.session_tools.pack import differences, pack_session
 from instrument.session_tools.verify import verify_session
-from protocols.engine import capture, resume
+from protocols.capture.engine import capture, resume
 from tests.instrument.conftest import Change
 from tests.protocols.fakes import FakeBench, fault_at, protocol_config, rig_config
 

@@ -1,0 +1,1 @@
+"""What is done at one pose: shots, brackets, darks, checks."""

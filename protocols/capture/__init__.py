@@ -1,0 +1,1 @@
+"""The engine: runs a plan on a rig into a session."""

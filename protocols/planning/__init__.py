@@ -1,0 +1,1 @@
+"""What a capture would do, before any light goes on."""
