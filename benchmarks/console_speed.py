@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QEvent, QEventLoop, QObject, QTimer
 from PySide6.QtWidgets import QApplication
 
+from benchmarks.watchdog import Watchdog
 from drivers.camera import Frame
 from drivers.clock import RealClock
 from drivers.registry import Devices
@@ -34,7 +35,6 @@ from drivers.simulated.camera import SimulatedCamera
 from drivers.simulated.devices import open_simulated
 from drivers.simulated.world import World
 from gui.main_window import MainWindow
-from gui.watchdog import Watchdog
 from instrument.config.loading import RigConfig, load_rig
 
 HEIGHT, WIDTH = 1200, 1920

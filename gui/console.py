@@ -12,8 +12,8 @@ from PySide6.QtWidgets import QApplication
 
 from drivers.registry import open_devices
 from gui.main_window import MainWindow
-from gui.remembered import Remembered
-from gui.translation import FOLDER, SourceTranslator, read_translation
+from gui.widgets.remembered import Remembered
+from gui.widgets.translation import FOLDER, SourceTranslator, read_translation
 from instrument.config.loading import RigConfig
 from instrument.rig.rig import OpenDevices
 

@@ -18,24 +18,24 @@ from PySide6.QtWidgets import (
 
 from drivers.camera import Frame
 from drivers.registry import open_devices
-from gui.acquisition import Acquisition, Introduction
-from gui.actions import ActionButton
-from gui.banner import Banner
-from gui.calibration_tab import CalibrationTab
-from gui.capture_model import CaptureModel
-from gui.light_sign import SIGNS, LightLabel, LightSign
-from gui.live_controls import LiveControls
-from gui.live_view import LiveView
-from gui.log_panel import LogPanel, LogRelay
-from gui.menu_bar import MenuBar
-from gui.protocol_panel import ProtocolPanel
-from gui.quick_look import QuickLookTab
-from gui.result_tab import ResultTab
-from gui.rig_panel import RigPanel
-from gui.rig_use import RigUse
-from gui.seen_poses import SeenPoses
-from gui.sessions_tab import SessionsTab
-from gui.stop import EscapeTwice, StopButton
+from gui.calibration.tab import CalibrationTab
+from gui.capture.model import CaptureModel
+from gui.capture.panel import ProtocolPanel
+from gui.capture.poses import SeenPoses
+from gui.capture.quick_look_tab import QuickLookTab
+from gui.live.view import LiveView
+from gui.result.tab import ResultTab
+from gui.rig.acquisition import Acquisition, Introduction
+from gui.rig.light_sign import SIGNS, LightLabel, LightSign
+from gui.rig.live_controls import LiveControls
+from gui.rig.rig_panel import RigPanel
+from gui.rig.rig_use import RigUse
+from gui.rig.stop import EscapeTwice, StopButton
+from gui.sessions.tab import SessionsTab
+from gui.widgets.actions import ActionButton
+from gui.widgets.banner import Banner
+from gui.widgets.log_panel import LogPanel, LogRelay
+from gui.widgets.menu_bar import MenuBar
 from instrument.config.loading import RigConfig
 from instrument.rig.rig import OpenDevices
 from protocols.capture.progress import Outcome, Progress

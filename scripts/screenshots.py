@@ -20,7 +20,7 @@ from PySide6.QtCore import QBuffer, QEventLoop, QIODevice, QTimer
 from PySide6.QtWidgets import QApplication, QWidget
 
 from gui.main_window import MainWindow
-from gui.theme import Theme, apply_theme
+from gui.widgets.theme import Theme, apply_theme
 from instrument.config.loading import load_rig
 
 ROOT = Path(__file__).parents[1]

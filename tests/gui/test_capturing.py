@@ -9,8 +9,8 @@ from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
 from drivers.simulated.faults import Fault
-from gui.light_sign import LightSign
 from gui.main_window import MainWindow
+from gui.rig.light_sign import LightSign
 from instrument.session.session import Session
 from tests.cli.test_capture import PROTOCOL
 from tests.gui.faulty_bench import FaultyBench

@@ -10,8 +10,8 @@ from pytestqt.qtbot import QtBot
 from drivers.camera import Frame
 from drivers.simulated.camera import SimulatedCamera
 from drivers.simulated.faults import EFFECTS, Fault
-from gui.light_sign import LightSign
 from gui.main_window import MainWindow
+from gui.rig.light_sign import LightSign
 from protocols.capture import run
 from tests.faults.bench import rig_config
 from tests.faults.conftest import impatient

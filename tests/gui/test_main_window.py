@@ -24,9 +24,9 @@ from drivers.setting import Setting
 from drivers.simulated.camera import SimulatedCamera
 from drivers.simulated.devices import open_simulated
 from drivers.simulated.world import World
-from gui import acquisition
-from gui.light_sign import LightSign
 from gui.main_window import MainWindow
+from gui.rig import acquisition
+from gui.rig.light_sign import LightSign
 from instrument.config.loading import RigConfig
 from instrument.config.messages import validate
 from tests.drivers.rigs import small_rig
@@ -207,7 +207,7 @@ def test_one_escape_alone_says_how_to_stop_and_stops_nothing(window: MainWindow,
 def test_two_escapes_far_apart_stop_nothing(
     window: MainWindow, bench: Bench, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("gui.stop.SECOND_PRESS_S", 0.01)
+    monkeypatch.setattr("gui.rig.stop.SECOND_PRESS_S", 0.01)
     go_live(window, qtbot)
     escape(window, qtbot, 1)
     qtbot.wait(50)

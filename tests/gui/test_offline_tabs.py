@@ -6,8 +6,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication, QWidget
 from pytestqt.qtbot import QtBot
 
-from gui.command import Command
 from gui.main_window import MainWindow
+from gui.widgets.command import Command
 from tests.gui.test_main_window import bench, window
 
 __all__ = ["bench", "window"]

@@ -7,8 +7,8 @@ import pytest
 from pytestqt.qtbot import QtBot
 
 from benchmarks.console_speed import large_rig, measure_live, opening_seconds, ready_devices, switch_everything_on
+from benchmarks.watchdog import Watchdog
 from gui.main_window import MainWindow
-from gui.watchdog import Watchdog
 
 SLOWEST, LONGEST_BLOCK, LONGEST_OPENING = 15.0, 0.25, 6.0
 """Updates a second, seconds, seconds: half, five times and three times what is asked for."""

@@ -30,10 +30,10 @@ from PySide6.QtWidgets import (
 from pytestqt.qtbot import QtBot
 
 from cli.main import COMMANDS, halfangle
-from gui.actions import ACTIONS, GESTURES, ActionButton
-from gui.files import FileField
 from gui.main_window import MainWindow
-from gui.plots import Picture
+from gui.widgets.actions import ACTIONS, GESTURES, ActionButton
+from gui.widgets.files import FileField
+from gui.widgets.plots import Picture
 from tests.gui.test_main_window import Bench, rig_config
 
 SMALLEST_SCREEN = (960, 520)

@@ -21,8 +21,8 @@ from PySide6.QtWidgets import QWidget
 
 from cli.main import main
 from gui import console
-from gui.actions import ActionButton
 from gui.main_window import MainWindow
+from gui.widgets.actions import ActionButton
 
 ROOT = Path(__file__).parents[2]
 _PERIOD_MS = 50

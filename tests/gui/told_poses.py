@@ -9,7 +9,7 @@ from PySide6.QtCore import QObject, Signal
 
 from drivers.limits import Limits
 from drivers.stage import AxisDescription
-from gui.seen_poses import SeenPoses
+from gui.capture.poses import SeenPoses
 from instrument.session.preview import Preview
 from protocols.capture.progress import News, PoseBegun, PoseTaken, Progress, State
 from protocols.planning.planned_poses import PlannedPoses
@@ -23,7 +23,7 @@ AXES = (
 
 
 class ToldCapture(QObject):
-    """Has the signals of `gui.capture_model.CaptureModel`."""
+    """Has the signals of `gui.capture.model.CaptureModel`."""
 
     planned = Signal(object)
     progressed = Signal(object)

@@ -1,0 +1,1 @@
+"""Plan and capture in the window, with the quick look."""

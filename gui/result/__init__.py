@@ -1,0 +1,1 @@
+"""A result in the window: maps, points, relighting."""

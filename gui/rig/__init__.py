@@ -1,0 +1,1 @@
+"""The devices of the rig in the window."""

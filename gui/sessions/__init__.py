@@ -1,0 +1,1 @@
+"""Sessions in a folder, and what can be done with them next."""
