@@ -12,7 +12,7 @@ import click
 from cli.output import check_new, stage_announcer, table, write_json
 
 if TYPE_CHECKING:
-    from benchmarks.compare import Comparison
+    from benchmarks.accuracy.compare import Comparison
 
 FILE = click.Path(path_type=Path, dir_okay=False)
 FILES = ("bench.json", "bench.png", "accuracy.md")
@@ -61,9 +61,9 @@ def bench(
         folder.mkdir(parents=True, exist_ok=True)
         outputs += [folder / name for name in FILES]
     check_new(*outputs)
-    from benchmarks import run
-    from benchmarks.compare import compare, kept_result, read_report
-    from benchmarks.settings import settings
+    from benchmarks.accuracy import run
+    from benchmarks.accuracy.compare import compare, kept_result, read_report
+    from benchmarks.accuracy.settings import settings
 
     # Before the run, which takes minutes.
     old_file = compare_with or kept_result(quick=quick)
@@ -87,8 +87,8 @@ def bench(
 
 
 def _write_folder(folder: Path, report: dict[str, Any]) -> None:
-    from benchmarks.page import page
-    from benchmarks.pareto import write_pareto
+    from benchmarks.accuracy.page import page
+    from benchmarks.accuracy.pareto import write_pareto
 
     write_json(folder / "bench.json", report)
     write_pareto(folder / "bench.png", report)

@@ -12,12 +12,9 @@ from cli.output import check_new, stage_announcer, table, write_json
 from cli.reconstruction import figures_table, result_from_stack
 
 if TYPE_CHECKING:
-    from analysis.registration.grid import Grid
-    from analysis.registration.stack import Truth
     from analysis.stages import Stages
-    from instrument.config.loading import RigConfig
+    from instrument.config.rig import RigConfig
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
 FILES = ("session.h5", "area.stack.h5", "result.h5", "report.html", "calibration.html")
 PITCH_MM, QUICK_PITCH_MM = 0.25, 0.5
 
@@ -53,6 +50,7 @@ def demo(folder: Path, json_file: Path | None, quick: bool, force: bool, quiet: 
     from analysis.reporting.result_report import write_report
     from analysis.results.result_file import write_result
     from analysis.stages import Stages
+    from benchmarks.common.simulated import EXAMPLES, truth_of
     from instrument.config.loading import load_rig
 
     rig = load_rig(EXAMPLES / "simulated.toml")
@@ -74,22 +72,13 @@ def demo(folder: Path, json_file: Path | None, quick: bool, force: bool, quiet: 
 
 
 def _capture(rig: RigConfig, session: Path, stages: Stages, *, quick: bool) -> None:
+    from benchmarks.common.simulated import EXAMPLES
     from instrument.config.loading import load_protocol
     from protocols.capture.engine import capture
 
     protocol = load_protocol(EXAMPLES / ("quick_sweep.toml" if quick else "hdr_sweep.toml"))
     with stages.measure("capture"):
         capture(rig, protocol, session)
-
-
-def truth_of(rig: RigConfig, grid: Grid) -> Truth:
-    """Return what the simulation knows of the sample, to score with; nothing in the analysis reads it to fit."""
-    from analysis.registration.stack import Truth
-    from drivers.simulated.world import World
-
-    points = grid.points()
-    truth = World.from_rig(rig.model_dump(exclude_none=True)).truth(points[..., 0], points[..., 1])
-    return Truth(truth.normals, truth.depth - truth.depth.mean(), truth.material)
 
 
 def _text(figures: dict[str, Any]) -> str:

@@ -42,8 +42,8 @@ def reproduce(
 
     What was run before in the same way is not run again. Exit 1 if an experiment failed, 3 if one was skipped.
     """
-    from benchmarks import reproduce as reproduction
-    from benchmarks.reproduction_page import write_page
+    from benchmarks.reproduction import reproduce as reproduction
+    from benchmarks.reproduction.page import write_page
     from cli.output import stage_announcer, write_json
 
     reproduction.check_names(names)

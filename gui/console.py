@@ -14,7 +14,7 @@ from drivers.registry import open_devices
 from gui.main_window import MainWindow
 from gui.widgets.remembered import Remembered
 from gui.widgets.translation import FOLDER, SourceTranslator, read_translation
-from instrument.config.loading import RigConfig
+from instrument.config.rig import RigConfig
 from instrument.rig.rig import OpenDevices
 
 _log = logging.getLogger(__name__)

@@ -36,7 +36,7 @@ from gui.widgets.actions import ActionButton
 from gui.widgets.banner import Banner
 from gui.widgets.log_panel import LogPanel, LogRelay
 from gui.widgets.menu_bar import MenuBar
-from instrument.config.loading import RigConfig
+from instrument.config.rig import RigConfig
 from instrument.rig.rig import OpenDevices
 from protocols.capture.progress import Outcome, Progress
 from protocols.planning.estimate import Outlook

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.quick_look.views import quick_grid
 from drivers.simulated.world import World
-from instrument.config.loading import RigConfig
+from instrument.config.rig import RigConfig
 
 RIG = """
 name = "small bench"

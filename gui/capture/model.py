@@ -8,7 +8,7 @@ from PySide6.QtCore import QObject, Signal
 
 from gui.rig.rig_use import RigUse
 from gui.widgets.job import Job, Work
-from instrument.config.loading import RigConfig
+from instrument.config.rig import RigConfig
 from instrument.rig.rig import OpenDevices
 from protocols.capture import engine
 from protocols.capture.progress import Finish, Outcome

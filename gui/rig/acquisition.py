@@ -16,7 +16,7 @@ from drivers.light import LightDescription
 from drivers.registry import open_devices
 from drivers.stage import StageDescription
 from gui.rig.light_sign import LightSign
-from instrument.config.loading import RigConfig
+from instrument.config.rig import RigConfig
 from instrument.rig.rig import OpenDevices, Rig
 
 FIRST_EXPOSURE_TIME = 0.01

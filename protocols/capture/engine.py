@@ -8,7 +8,8 @@ from pathlib import Path
 
 from drivers.errors import CancelledError
 from drivers.registry import open_devices
-from instrument.config.loading import ProtocolConfig, RigConfig
+from instrument.config.protocol import ProtocolConfig
+from instrument.config.rig import RigConfig
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 from instrument.rig.rig import OpenDevices, Rig
 from instrument.session.audit import AuditLog

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from instrument.config.loading import RigConfig
+from instrument.config.rig import RigConfig
 from instrument.files.validation import InvalidInputError, raise_if_any
 from instrument.session.layout import Status
 from instrument.session.preview import Preview, previews_of

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from drivers.camera import CameraDescription
-from instrument.config.loading import ProtocolConfig, RigConfig
+from instrument.config.protocol import ProtocolConfig
+from instrument.config.rig import RigConfig
 from instrument.rig.rig import Rig
 from instrument.session import layout
 from instrument.session.header import Provenance, SessionHeader

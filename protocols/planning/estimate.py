@@ -10,7 +10,8 @@ from typing import Any
 from drivers.errors import DeviceLimitError
 from drivers.registry import open_devices
 from drivers.stage import Stage
-from instrument.config.loading import ProtocolConfig, RigConfig
+from instrument.config.protocol import ProtocolConfig
+from instrument.config.rig import RigConfig
 from instrument.rig.rig import OpenDevices, Rig
 from protocols.planning.earlier_darks import KeptFrames
 from protocols.planning.plan import duration

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from instrument.config.loading import ProtocolConfig, RigConfig
 from instrument.config.messages import validate
+from instrument.config.protocol import ProtocolConfig
+from instrument.config.rig import RigConfig
 from instrument.session.layout import Status
 from instrument.session.session import Session
 from protocols.capture.engine import capture, resume

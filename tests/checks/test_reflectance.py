@@ -15,7 +15,7 @@ from analysis.reflectance.completion import THETA_D, THETA_H, atom_on_nodes, ato
 from analysis.reflectance.dictionary import from_published
 from analysis.reflectance.merl import SHAPE, MerlBrdf, cell_angles, read_merl, write_merl
 from analysis.reflectance.models import Cosines, cosines_from_angles
-from benchmarks.beyond_slice import without
+from benchmarks.studies.beyond_slice import without
 from tests.checks.conftest import Record
 from tests.checks.test_light import lambertian_plane
 from tests.merl_files import merl_brdf

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.rows import KEYS
+from benchmarks.accuracy.rows import KEYS
 from cli.main import main
 
 FAST = ("bench", "--quick", "--only", "independent/lambert", "-q")

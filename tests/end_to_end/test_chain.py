@@ -15,7 +15,7 @@ from analysis.reconstruction.reconstruction import Options, reconstruct
 from analysis.registration.stack import Stack
 from analysis.registration.stack_file import read_stack, write_truth
 from analysis.results.result_file import read_result
-from cli.demo import EXAMPLES, truth_of
+from benchmarks.common.simulated import EXAMPLES, truth_of
 from cli.main import main
 from drivers.simulated.world import World
 from instrument.config.loading import load_rig

@@ -16,7 +16,7 @@ import pytest
 from analysis.evaluation.metrics import angular_error_deg
 from analysis.registration.stack_file import read_stack
 from analysis.results.result_file import read_result
-from cli.demo import EXAMPLES
+from benchmarks.common.simulated import EXAMPLES
 from drivers.simulated.world import World
 from instrument.config.loading import load_protocol, load_rig
 from instrument.config.rig import RigConfig

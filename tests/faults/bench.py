@@ -18,8 +18,9 @@ from drivers.simulated.clock import VirtualClock
 from drivers.simulated.devices import open_faulty
 from drivers.simulated.faults import Fault
 from drivers.simulated.world import World
-from instrument.config.loading import ProtocolConfig, RigConfig
 from instrument.config.messages import validate
+from instrument.config.protocol import ProtocolConfig
+from instrument.config.rig import RigConfig
 from instrument.rig.rig import Rig
 from instrument.session.layout import Field
 from instrument.session.recorder import Recorder

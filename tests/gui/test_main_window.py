@@ -27,8 +27,8 @@ from drivers.simulated.world import World
 from gui.main_window import MainWindow
 from gui.rig import acquisition
 from gui.rig.light_sign import LightSign
-from instrument.config.loading import RigConfig
 from instrument.config.messages import validate
+from instrument.config.rig import RigConfig
 from tests.drivers.rigs import small_rig
 
 SATURATION = 4095

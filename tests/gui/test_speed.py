@@ -1,4 +1,4 @@
-"""The window stays alive: bounds far from what `python -m benchmarks.console_speed` measures on a machine at rest."""
+"""The window stays alive: bounds far from what `python -m benchmarks.speed.console` measures on a machine at rest."""
 
 import time
 from collections.abc import Iterator
@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import pytest
 from pytestqt.qtbot import QtBot
 
-from benchmarks.console_speed import large_rig, measure_live, opening_seconds, ready_devices, switch_everything_on
-from benchmarks.watchdog import Watchdog
+from benchmarks.speed.console import large_rig, measure_live, opening_seconds, ready_devices, switch_everything_on
+from benchmarks.speed.watchdog import Watchdog
 from gui.main_window import MainWindow
 
 SLOWEST, LONGEST_BLOCK, LONGEST_OPENING = 15.0, 0.25, 6.0

@@ -9,7 +9,8 @@ from drivers.camera import CameraDescription, Frame
 from drivers.light import LightDescription, LightState
 from drivers.limits import Limits
 from drivers.stage import AxisDescription, StageDescription
-from instrument.config.loading import ProtocolConfig, RigConfig
+from instrument.config.protocol import ProtocolConfig
+from instrument.config.rig import RigConfig
 
 HEIGHT, WIDTH = 16, 24
 BLACK, SATURATION = 64.0, 4095.0

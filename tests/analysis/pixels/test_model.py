@@ -11,7 +11,7 @@ from analysis.reflectance.dictionary import SliceTable, parametric
 from analysis.reflectance.models import Cosines
 from analysis.reflectance.palette import NODES, Palette
 from analysis.registration.stack import Stack
-from benchmarks.settings import fine_dictionary
+from benchmarks.accuracy.settings import fine_dictionary
 from tests.synthetic import brdf
 
 STEP = 2e-4  # rad; a few nodes of the tables, whose interpolation has kinks

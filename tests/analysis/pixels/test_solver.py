@@ -10,7 +10,7 @@ from analysis.pixels.samples import BLACK, CLIPPED, POOR_FIT, TOO_FEW_VIEWS
 from analysis.reflectance.dictionary import parametric
 from analysis.reflectance.models import Cosines
 from analysis.registration.stack import Stack
-from benchmarks.scenes import independent
+from benchmarks.common.scenes import independent
 from tests.analysis.conftest import NOISE, solve
 from tests.synthetic import make_stack
 

@@ -13,7 +13,7 @@ from analysis.reflectance.completion import (
 )
 from analysis.reflectance.dictionary import Dictionary, from_published, parametric
 from analysis.reflectance.models import Cosines
-from benchmarks.beyond_slice import ESTIMATORS, Trial, regions, run, without
+from benchmarks.studies.beyond_slice import ESTIMATORS, Trial, regions, run, without
 
 SEEN = np.deg2rad(np.linspace(1.0, 60.0, 65))
 NODES_H_DEG, NODES_D_DEG = np.rad2deg(THETA_H), np.rad2deg(THETA_D)

@@ -16,8 +16,8 @@ from analysis.registration.stack_file import write_stack
 from analysis.results.points import USED, point_curve, point_samples
 from analysis.results.result import Result, result_of
 from analysis.results.result_file import read_result, write_result
-from benchmarks.scenes import relief
-from benchmarks.watchdog import Watchdog
+from benchmarks.common.scenes import relief
+from benchmarks.speed.watchdog import Watchdog
 from gui.result.tab import RELIT, TITLES, ResultTab
 
 SIZE = 16

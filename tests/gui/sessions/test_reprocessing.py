@@ -6,7 +6,7 @@ import h5py
 import pytest
 from pytestqt.qtbot import QtBot
 
-from cli.demo import EXAMPLES
+from benchmarks.common.simulated import EXAMPLES
 from drivers.registry import open_devices
 from gui.main_window import MainWindow
 from gui.sessions.table import FILE

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from drivers.registry import open_devices
-from instrument.config.loading import RigConfig
 from instrument.config.messages import validate
+from instrument.config.rig import RigConfig
 from instrument.rig.rig import Rig
 from protocols.acquisition.bracket import Bracket, take_pose
 from protocols.acquisition.reference_patch import ReferencePatch

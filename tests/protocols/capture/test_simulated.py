@@ -12,7 +12,9 @@ import pytest
 from drivers.registry import Devices
 from drivers.simulated.clock import VirtualClock
 from drivers.simulated.devices import open_simulated
-from instrument.config.loading import ProtocolConfig, RigConfig, load_protocol, load_rig
+from instrument.config.loading import load_protocol, load_rig
+from instrument.config.protocol import ProtocolConfig
+from instrument.config.rig import RigConfig
 from instrument.session.layout import Status
 from instrument.session.session import Session
 from instrument.session_tools.verify import verify_session

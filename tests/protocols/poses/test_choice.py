@@ -10,8 +10,9 @@ from drivers.limits import Limits
 from drivers.simulated.stage import SimulatedStage
 from drivers.simulated.world import World
 from drivers.stage import AxisDescription
-from instrument.config.loading import RigConfig, load_protocol, load_rig
+from instrument.config.loading import load_protocol, load_rig
 from instrument.config.protocol import ChosenConfig
+from instrument.config.rig import RigConfig
 from instrument.files.validation import InvalidInputError
 from protocols.planning.plan import Plan
 from protocols.poses.choice import choose_poses

@@ -1,0 +1,1 @@
+"""`halfangle bench`: error against speed on simulated scenes."""

@@ -1,0 +1,1 @@
+"""Scenes with their truth, and methods behind one interface."""

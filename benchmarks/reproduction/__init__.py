@@ -1,0 +1,1 @@
+"""`halfangle reproduce`: the paper's experiments."""
