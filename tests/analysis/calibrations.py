@@ -20,7 +20,7 @@ from analysis.registration.lighting import LightOffset
 from analysis.reporting.checks import Check
 from analysis.reporting.session_facts import SessionFacts
 from tests.analysis.board_pictures import HEIGHT, WIDTH
-from tests.analysis.test_camera_calibration import BOARDS, POSES, TRUE, calibrated, corners_from
+from tests.analysis.camera.test_calibration import BOARDS, POSES, TRUE, calibrated, corners_from
 
 SIZE = (WIDTH, HEIGHT)
 OFFSET = np.array([11.0, -2.0, 0.0])

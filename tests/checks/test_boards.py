@@ -13,8 +13,8 @@ from analysis.camera.board_layout import BoardLayout
 from analysis.pixels.parallax import follow_pixels
 from instrument.session.records import Board
 from tests.analysis import board_pictures as pictures
-from tests.analysis import test_camera_calibration as bundle
-from tests.analysis.test_rectification import checker_shift
+from tests.analysis.camera import test_calibration as bundle
+from tests.analysis.registration.test_rectification import checker_shift
 from tests.checks.conftest import Record
 from tests.checks.worlds import NeutralWorld
 

@@ -15,7 +15,7 @@ from analysis.reconstruction.gross_shape import NO_SHAPE, gross_shape
 from analysis.reflectance.dictionary import parametric
 from analysis.registration.stack_file import read_stack, write_stack
 from instrument.files.validation import InvalidInputError
-from tests.analysis.test_integration import bump_up_right, error, quadratic, surface, with_holes
+from tests.analysis.depth.test_integration import bump_up_right, error, quadratic, surface, with_holes
 from tests.checks.conftest import Record
 from tests.checks.simulated import Simulated
 from tests.synthetic import make_stack, relief

@@ -13,7 +13,7 @@ from analysis.reconstruction.reconstruction import Options, reconstruct
 from analysis.registration.grid import Grid
 from analysis.registration.stack import Stack
 from analysis.registration.stack_file import read_stack, write_stack
-from tests.analysis import test_flat_field as flats
+from tests.analysis.light import test_flat_field as flats
 from tests.checks.conftest import Record
 from tests.synthetic import camera_ring, make_stack
 

@@ -21,10 +21,10 @@ from instrument.imports.prepare import prepare_import
 from instrument.imports.writing import write_import
 from instrument.session import layout
 from instrument.session.session import Session
-from tests.analysis import test_exposure_ratios as ratios
-from tests.analysis import test_response_fit as curves
-from tests.analysis.test_merged_frames import BLACK, CLIPS_AT, RADIANCE, TIMES, FakeSession, counts, darks, poses
-from tests.analysis.test_rectification import on_grid
+from tests.analysis.radiometry import test_exposure_ratios as ratios
+from tests.analysis.radiometry import test_response_fit as curves
+from tests.analysis.radiometry.test_frames import BLACK, CLIPS_AT, RADIANCE, TIMES, FakeSession, counts, darks, poses
+from tests.analysis.registration.test_rectification import on_grid
 from tests.checks.conftest import Record
 from tests.checks.simulated import Simulated
 from tests.instrument.imports.folders import write_capture, write_dng, write_png, write_tiff

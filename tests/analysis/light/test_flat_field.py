@@ -13,7 +13,7 @@ from analysis.radiometry.hdr import Radiance
 from analysis.radiometry.response import Response, gamma_response
 from analysis.radiometry.response_fit import fit_response
 from instrument.files.validation import InvalidInputError
-from tests.analysis.test_response_fit import real_bracket
+from tests.analysis.radiometry.test_response_fit import real_bracket
 
 SHARED = Path(os.environ.get("HALFANGLE_SHARED_DATA", Path(__file__).parents[4] / "shared" / "data"))
 

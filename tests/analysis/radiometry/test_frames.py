@@ -8,7 +8,7 @@ from analysis.light.flat_field import session_flat_field
 from analysis.radiometry.frames import MergedFrames
 from instrument.files.validation import InvalidInputError
 from instrument.session.records import CameraRecord
-from tests.analysis.test_response_fit import bracket, srgb_encoded
+from tests.analysis.radiometry.test_response_fit import bracket, srgb_encoded
 
 TIMES = np.array([0.002, 0.008, 0.032])
 HEIGHT, WIDTH = 120, 160

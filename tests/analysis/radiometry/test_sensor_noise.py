@@ -3,7 +3,7 @@ import pytest
 
 from analysis.radiometry.hdr import Sensor
 from analysis.radiometry.sensor_noise import assumed_sensor, estimate_noise_model
-from tests.analysis.test_exposure_ratios import NOMINAL, TRUSTED, samples
+from tests.analysis.radiometry.test_exposure_ratios import NOMINAL, TRUSTED, samples
 
 
 def test_gain_and_read_noise_are_found_from_a_bracket():

@@ -22,7 +22,7 @@ from analysis.reporting.geometry_checks import (
     worst_view,
 )
 from tests.analysis.calibrations import calibration, camera, facts, named
-from tests.analysis.test_camera_calibration import BOARDS, NOISE, POSES
+from tests.analysis.camera.test_calibration import BOARDS, NOISE, POSES
 
 I_POSE = 1 + np.arange(len(POSES))
 
