@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cli.output import check_new, stage_announcer, table, write_json
+from cli.output import check_new, write_json
+from cli.progress import run_bar
+from instrument.files.text_table import text_table
 
 if TYPE_CHECKING:
     from benchmarks.accuracy.compare import Comparison
@@ -71,7 +73,8 @@ def bench(
     chosen = run.selected(settings(quick=quick), only)
     seed = secrets.randbelow(LARGEST_SEED) if seed is None else seed
     click.echo(f"seed {seed}")
-    report = run.bench(chosen, seed, stage_announcer(quiet)) | {"quick": quick, "only": only}
+    with run_bar("bench", quiet=quiet) as (announce, track):
+        report = run.bench(chosen, seed, announce, track) | {"quick": quick, "only": only}
     if json_file:
         write_json(json_file, report)
     if folder is not None:
@@ -109,7 +112,7 @@ def _tell(comparison: Comparison | None, old_file: Path) -> None:
 def rows_table(rows: list[dict[str, Any]]) -> str:
     """Return the rows as text."""
     head = ("part / method", "case", "views", "noise", "mean", "median", "95 %", "> 5 deg", "pixels/s", "x ref")
-    return table([head, *(_cells(row) for row in rows)])
+    return text_table([head, *(_cells(row) for row in rows)])
 
 
 def _cells(row: dict[str, Any]) -> tuple[str, ...]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from cli.calibration import checks_text, stack_from_session
-from cli.output import check_new, stage_announcer, table, write_json
-from cli.reconstruction import figures_table, result_from_stack
+from cli.output import check_new, write_json
+from cli.progress import stage_bars
+from instrument.files.text_table import text_table
 
 if TYPE_CHECKING:
     from analysis.stages import Stages
@@ -44,30 +44,27 @@ def demo(folder: Path, json_file: Path | None, quick: bool, force: bool, quiet: 
             path.unlink(missing_ok=True)
     folder.mkdir(parents=True, exist_ok=True)
     check_new(*written)
-    from analysis.reconstruction.reconstruction import Options
-    from analysis.registration.stack_file import read_stack, write_truth
+    from analysis.pipeline import calibrate, reconstruct, report
+    from analysis.registration.stack_file import write_truth
     from analysis.reporting.calibration_report import write_calibration_page
-    from analysis.reporting.result_report import write_report
+    from analysis.reporting.text import checks_text, summary_text
     from analysis.results.result_file import write_result
-    from analysis.stages import Stages
     from benchmarks.common.simulated import EXAMPLES, truth_of
     from instrument.config.loading import load_rig
 
     rig = load_rig(EXAMPLES / "simulated.toml")
-    stages = Stages(stage_announcer(quiet))
-    _capture(rig, session, stages, quick=quick)
-    stack, calibrated = stack_from_session(session, stack_file, QUICK_PITCH_MM if quick else PITCH_MM, stages)
-    write_calibration_page(calibration_page, calibrated, "halfangle demo: the calibration of the simulated rig")
-    write_truth(stack_file, truth_of(rig, stack.grid))
-    stack = read_stack(stack_file)
-    result = result_from_stack(stack, Options(), stages, 6, calibrated.figures, stack_file)
+    with stage_bars(quiet=quiet) as stages:
+        _capture(rig, session, stages, quick=quick)
+        calibrated = calibrate(session, stack_file, pitch=QUICK_PITCH_MM if quick else PITCH_MM, stages=stages)
+        write_truth(stack_file, truth_of(rig, calibrated.stack.grid))
+        result = reconstruct(stack_file, calibration=calibrated.report, stages=stages)
+    write_calibration_page(calibration_page, calibrated.report, "halfangle demo: the calibration of the simulated rig")
     write_result(result_file, result)
-    write_report(page, result, "halfangle demo: a simulated relief of five materials")
-    figures = {**result.summary, "stages": result.stages, "choices": result.choices}
+    report(result, page, "halfangle demo: a simulated relief of five materials")
     if json_file:
-        write_json(json_file, figures)
-    click.echo(_text(figures))
-    click.echo(checks_text(calibrated))
+        write_json(json_file, result.figures())
+    click.echo(f"{summary_text(result.summary)}\n\n{_stages_table(stages)}\n")
+    click.echo(checks_text(calibrated.report))
     click.echo("wrote " + ", ".join(map(str, files)))
 
 
@@ -81,8 +78,8 @@ def _capture(rig: RigConfig, session: Path, stages: Stages, *, quick: bool) -> N
         capture(rig, protocol, session)
 
 
-def _text(figures: dict[str, Any]) -> str:
+def _stages_table(stages: Stages) -> str:
     rows = [("stage", "seconds", "peak MB")]
-    rows += [(s["name"], f"{s['seconds']:.1f}", f"{s['peak_mb']:.0f}") for s in figures["stages"]]
-    rows.append(("all", f"{sum(s['seconds'] for s in figures['stages']):.1f}", ""))
-    return f"{figures_table(figures)}\n\n{table(rows)}\n"
+    rows += [(s.name, f"{s.seconds:.1f}", f"{s.peak_mb:.0f}") for s in stages]
+    rows.append(("all", f"{sum(s.seconds for s in stages):.1f}", ""))
+    return text_table(rows)

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import click
 
-from cli.output import check_new, stage_announcer, table
+from cli.output import check_new
+from cli.progress import run_bar
+from instrument.files.text_table import text_table
 from instrument.files.validation import LINE_BREAK, printable
 
 FILE = click.Path(path_type=Path, dir_okay=False)
@@ -45,7 +47,7 @@ def _materials(file: Path) -> str:
     for material in tables.materials:
         share = f"{100 * tables.measured_share(material.name):.1f} %"
         rows.append((material.name, material.category or "-", share, material.sha256))
-    return table(rows)
+    return text_table(rows)
 
 
 @dictionary.command(epilog="Example: halfangle dictionary info parametric")
@@ -67,7 +69,7 @@ def info(name: str) -> None:
     for index, atom in enumerate(chosen.atoms):
         head = (atom.model, f"{atom.a:.4g}", f"{atom.b:.4g}") if isinstance(atom, Atom) else (atom.label, "-", "-")
         rows.append((*head, *(f"{v:.3g}" for v in values[:, index])))
-    click.echo(printable(table(rows), keep=LINE_BREAK))
+    click.echo(printable(text_table(rows), keep=LINE_BREAK))
 
 
 @dictionary.command(epilog="Example: halfangle dictionary build merl -o merl.dictionary.h5 --categories categories.csv")
@@ -81,7 +83,8 @@ def build(folder: Path, output: Path, categories: Path | None, quiet: bool) -> N
     from analysis.reflectance.dictionary_build import build_dictionary
     from analysis.reflectance.dictionary_file import write_dictionary
 
-    tables = build_dictionary(folder, categories, stage_announcer(quiet))
+    with run_bar("dictionary", quiet=quiet) as (_, track):
+        tables = build_dictionary(folder, categories, track)
     write_dictionary(output, tables)
     size = output.stat().st_size / 1e6
     click.echo(f"{output}: {len(tables.materials)} materials, {len(tables.atoms)} atoms, {size:.2f} MB")

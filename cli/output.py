@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 
 from instrument.files.validation import InvalidInputError, Problem
+
+FINISHED_WITH_WARNINGS = 3
+"""Exit code: what was asked for is done, and is not to be trusted before it has been looked at."""
 
 
 def check_new(*paths: Path) -> None:
@@ -30,23 +31,6 @@ def check_new(*paths: Path) -> None:
     ]
     if problems:
         raise InvalidInputError("Nothing was written.", problems)
-
-
-def stage_announcer(quiet: bool) -> Any:
-    """Return what says the name of each stage on standard error as it begins, or nothing."""
-    return None if quiet else lambda name: click.echo(f"  {name} ...", err=True)
-
-
-def table(rows: Sequence[Sequence[str]]) -> str:
-    """Align rows of text in columns: the first to the left, the others to the right."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = (
-        "  ".join(
-            cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    )
-    return "\n".join(line.rstrip() for line in lines)
 
 
 def write_json(path: Path, value: Any) -> None:

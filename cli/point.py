@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cli.output import finite, table
+from cli.output import finite
+from instrument.files.text_table import text_table
 from instrument.files.validation import InvalidInputError, Problem, printable
 
 if TYPE_CHECKING:
@@ -78,4 +79,4 @@ def _text(curve: PointCurve, samples: PointSamples) -> str:
             values = (samples.f[i_view, channel], samples.sigma[i_view, channel], fitted)
             use = USES[samples.use[i_view, channel]]
             rows.append((str(i_view), name, f"{np.rad2deg(theta_h):.2f}", *(f"{v:.5g}" for v in values), use))
-    return printable("\n".join([*head, table(rows)]), keep="\n")
+    return printable("\n".join([*head, text_table(rows)]), keep="\n")

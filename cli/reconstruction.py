@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from cli.calibration import budget_text, stack_from_session
-from cli.output import check_new, parse_position, stage_announcer, table, write_json
-
-if TYPE_CHECKING:
-    from analysis.reconstruction.reconstruction import Options
-    from analysis.registration.stack import Stack
-    from analysis.results.result import Result
-    from analysis.stages import Stages
+from cli.output import check_new, parse_position, write_json
+from cli.progress import stage_bars
 
 FILE = click.Path(path_type=Path, dir_okay=False)
 
@@ -87,87 +78,18 @@ def reconstruct(
 ) -> None:
     """Reconstruct normals, depth and BRDF from a SOURCE: a session or a registered stack."""
     check_new(output, *([json_file] if json_file else []))
-    from analysis.reconstruction.reconstruction import Options
-    from analysis.reflectance.dictionary import by_name
+    from analysis.pipeline import reconstruct as run
+    from analysis.reconstruction.options import Options
+    from analysis.reporting.text import summary_text
     from analysis.results.result_file import write_result
-    from analysis.stages import Stages
-    from instrument.files.probe import refuse_dangerous
 
-    refuse_dangerous(source)
-    refuse_dangerous(Path(choices["dictionary"]))
-    # Before a session is registered, which takes minutes.
-    by_name(choices["dictionary"])
-    stages = Stages(stage_announcer(quiet))
-    with TemporaryDirectory(prefix=".halfangle-", dir=output.parent) as scratch:
-        stack, calibration = read_source(source, Path(scratch) / "area.stack.h5", pitch, stages)
-        result = result_from_stack(stack, Options(**choices), stages, left_out, calibration, source)
+    with stage_bars(quiet=quiet) as stages:
+        options, scratch = Options(**choices), output.parent
+        result = run(source, options, n_held_out=left_out, pitch=pitch, scratch=scratch, stages=stages)
         write_result(output, result)
     if json_file:
-        write_json(json_file, {**result.summary, "stages": result.stages, "choices": result.choices})
-    click.echo(f"{output}\n{figures_table(result.summary)}")
-
-
-def read_source(source: Path, registered: Path, pitch: float | None, stages: Stages) -> tuple[Stack, dict[str, Any]]:
-    """Read a registered stack, or register a session into `registered`; return it and the calibration's figures."""
-    from analysis.registration.stack_file import is_stack, read_stack
-    from instrument.files.json_text import parse_json
-
-    if not is_stack(source):
-        stack, report = stack_from_session(source, registered, pitch, stages)
-        return stack, report.figures
-    with stages.measure("reading"):
-        stack = read_stack(source)
-    text = stack.notes.get("calibration")
-    return stack, parse_json(text) if text else {}
-
-
-def result_from_stack(
-    stack: Stack, options: Options, stages: Stages, left_out: int, calibration: dict[str, Any], source: Path
-) -> Result:
-    """Reconstruct and score; `source` is the file that the stack came from, for provenance."""
-    from analysis.evaluation.scoring import score, truth_error
-    from analysis.reconstruction.reconstruction import reconstruct as run
-    from analysis.results.result import result_of
-
-    reconstruction = run(stack, options, stages)
-    with stages.measure("views left out"):
-        summary = score(reconstruction, left_out)
-    with source.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    summary |= {"options": asdict(options), "source": {"file": source.name, "sha256": digest}}
-    if calibration:
-        summary["calibration"] = calibration
-    return result_of(reconstruction, stages, summary, truth_error(reconstruction))
-
-
-def figures_table(summary: dict[str, Any]) -> str:
-    """Return the figures that a user looks at first, as text."""
-    rows: list[tuple[str, ...]] = [("", "mean", "median", "95 %")]
-    for name, key in (("normal error, deg", "normal_error_deg"), ("stated sigma, deg", "normal_sigma_deg")):
-        if key in summary:
-            rows.append((name, *(f"{summary[key][k]:.3f}" for k in ("mean", "median", "p95"))))
-    text = [table(rows)]
-    if "depth_rmse_mm" in summary:
-        plane = summary["depth_rmse_without_plane_mm"]
-        text.append(f"depth RMSE {summary['depth_rmse_mm']:.4f} mm, {plane:.4f} mm with the plane removed")
-        inside = f"{100 * summary['coverage68']:.0f} % and {100 * summary['coverage95']:.0f} %"
-        text.append(f"stated 68 % and 95 % normal intervals hold {inside} of the true normals")
-    if "depth_shape" in summary:
-        shape = summary["depth_shape"]
-        tilt = f"({shape['tilt_x']:.5f}, {shape['tilt_y']:.5f}) mm/mm"
-        text.append(f"plane and bowl in the depth: tilt {tilt}, bowl {shape['sag']:.4f} mm deep")
-    if "error_budget_deg" in summary:
-        text.append(budget_text(summary["error_budget_deg"]))
-    if summary["n_unsolved"]:
-        text.append(f"{summary['n_unsolved']} of {summary['n_pixels']} pixels unsolved (see flags)")
-    if summary["left_out"]:
-        rows = [("view left out", "relative RMS", "Lambertian", "PSNR dB", "Lambertian", "gain on glossy dB")]
-        for v in summary["left_out"]:
-            shares = (f"{100 * v[k]:.2f} %" for k in ("relative_rms", "lambert_relative_rms"))
-            levels = (f"{v[k]:.1f}" for k in ("psnr_db", "lambert_psnr_db", "glossy_gain_db"))
-            rows.append((str(v["view"]), *shares, *levels))
-        text.append(table(rows))
-    return "\n".join(text)
+        write_json(json_file, result.figures())
+    click.echo(f"{output}\n{summary_text(result.summary)}")
 
 
 @click.command(epilog="Example: halfangle render area.result.h5 --camera 0,0,350 --light 120,0,300 -o relit.exr")
@@ -200,10 +122,10 @@ def render(result: Path, camera: str, light: str, light_power: float, output: Pa
 def report(result: Path, output: Path, title: str | None) -> None:
     """Make one HTML page of a RESULT."""
     check_new(output)
-    from analysis.reporting.result_report import write_report
+    from analysis.pipeline import report as write_page
     from analysis.results.result_file import read_result
     from instrument.files.probe import refuse_dangerous
 
     refuse_dangerous(result)
-    write_report(output, read_result(result), title or result.name)
+    write_page(read_result(result), output, title or result.name)
     click.echo(str(output))

@@ -44,18 +44,19 @@ def reproduce(
     """
     from benchmarks.reproduction import reproduce as reproduction
     from benchmarks.reproduction.page import write_page
-    from cli.output import stage_announcer, write_json
+    from cli.output import write_json
+    from cli.progress import run_bar
 
     reproduction.check_names(names)
     folder.mkdir(parents=True, exist_ok=True)
     click.echo(f"seed {seed}")
     results = []
-    announce = stage_announcer(quiet) or (lambda _: None)
-    for result in reproduction.reproduce(
-        names or reproduction.NAMES, folder, quick=quick, seed=seed, merl=merl, announce=announce
-    ):
-        results.append(result)
-        click.echo(_line(result))
+    with run_bar("reproduce", quiet=quiet) as (announce, track):
+        for result in reproduction.reproduce(
+            names or reproduction.NAMES, folder, quick=quick, seed=seed, merl=merl, announce=announce, track=track
+        ):
+            results.append(result)
+            click.echo(_line(result))
     summary = {"quick": quick, "seed": seed, "experiments": [{key: r.get(key) for key in SUMMARY} for r in results]}
     write_json(folder / "reproduction.json", summary)
     if json_file is not None:

@@ -22,6 +22,7 @@ from analysis.registration.grid import Grid
 from analysis.registration.lighting import LightOffset, light_position
 from analysis.registration.rectification import Rectified, rectify
 from analysis.registration.stack import Stack
+from analysis.stages import Track, untracked
 from instrument.session.session import Session
 
 Array = NDArray[np.float64]
@@ -56,6 +57,7 @@ def find_light(
     camera: CameraCalibration,
     legacy: frozenset[int],
     flat: FlatField | None,
+    track: Track = untracked,
 ) -> Lighting:
     """Find powers and fall-off from the white, and the light's offset from the sample's highlights.
 
@@ -66,7 +68,7 @@ def find_light(
     white = WhitePoints.beside(session.boards, camera.bundle.state.layout, legacy, nominal.area_mm, footprint)
     scout = _scout_grid(nominal.area_mm, footprint)
     on_scout, on_white = [], []
-    for i, view in zip(i_pose, views, strict=True):
+    for i, view in track(list(zip(i_pose, views, strict=True))):
         merged = frames.merge(int(i))
         picture = (merged.mean, merged.variance, merged.saturated, frames.bayer_pattern, view)
         on_scout.append(evened(rectify(*picture, scout.points(), footprint), flat, view, scout.points()))

@@ -62,7 +62,7 @@ def register(session: Session, path: Path, pitch: float | None = None, stages: S
         as_fine_as_seen = round(GRID_PER_PIXEL * footprint_mm(calibration.camera), 3)
         grid = Grid.covering(nominal.area_mm, pitch or session.pixel_pitch_mm or as_fine_as_seen)
         notes = {"calibration": json.dumps(calibration.as_dict()), "session_digest": session.digest()}
-        _write_registered(frames, calibration, calibration.camera, calibration.lighting, grid, path, notes)
+        _write_registered(frames, calibration, calibration.camera, calibration.lighting, grid, path, notes, stages)
     return calibration
 
 
@@ -74,11 +74,13 @@ def _write_registered(
     grid: Grid,
     path: Path,
     notes: dict[str, str],
+    stages: Stages,
 ) -> None:
     stack = stack_geometry(lighting.photometry, lighting.light_offset, camera, grid, len(lighting.white_level))
     points = grid.points()
     with StackWriter(path, replace(stack, notes=notes)) as writer:
-        for v, (i_pose, view) in enumerate(zip(calibration.i_pose, views_of(camera), strict=True)):
+        views = list(zip(calibration.i_pose, views_of(camera), strict=True))
+        for v, (i_pose, view) in enumerate(stages.track(views)):
             merged = frames.merge(int(i_pose))
             picture = (merged.mean, merged.variance, merged.saturated, frames.bayer_pattern, view)
             seen = evened(rectify(*picture, points, grid.pitch), calibration.flat, view, points)

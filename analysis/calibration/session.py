@@ -122,7 +122,7 @@ def calibrate_session(session: Session, frames: MergedFrames, stages: Stages) ->
     dropped: tuple[str, ...] = ()
     if session.boards:
         with stages.measure("boards"):
-            found = _find_boards(session, frames)
+            found = _find_boards(session, frames, stages)
         usable = usable_views(found)
         dropped = tuple(
             f"pose {i}: {len(c)} board corners" for i, c, ok in zip(frames.i_pose, found, usable, strict=True) if not ok
@@ -137,7 +137,7 @@ def calibrate_session(session: Session, frames: MergedFrames, stages: Stages) ->
         flat = _flat_field(session, frames, camera)
         lighting = None
         if camera is not None and boards is not None and session.area_mm is not None:
-            lighting = find_light(session, frames, i_pose, camera, boards.legacy, flat)
+            lighting = find_light(session, frames, i_pose, camera, boards.legacy, flat, stages.track)
     return Calibration(frames.findings, flat, camera, boards, lighting, i_pose, dropped)
 
 
@@ -157,15 +157,15 @@ def _flat_field(session: Session, frames: MergedFrames, camera: CameraCalibratio
     return session_flat_field(frames, focal_length or 0.87 * max(frames.image_size), offset)
 
 
-def _find_boards(session: Session, frames: MergedFrames) -> list[BoardCorners]:
+def _find_boards(session: Session, frames: MergedFrames, stages: Stages) -> list[BoardCorners]:
     """Find the corners twice in a few views, to know the lens, and then through it in all."""
-    lens = _first_lens(session, frames)
-    return [_detect(session, frames, int(i), lens) for i in frames.i_pose]
+    lens = _first_lens(session, frames, stages)
+    return [_detect(session, frames, int(i), lens) for i in stages.track(frames.i_pose.tolist())]
 
 
-def _first_lens(session: Session, frames: MergedFrames) -> Lens | None:
+def _first_lens(session: Session, frames: MergedFrames, stages: Stages) -> Lens | None:
     picked = frames.i_pose[np.unique(np.linspace(0, len(frames.i_pose) - 1, _FIRST_VIEWS).round().astype(int))]
-    found = [c for i in picked if usable_views([c := _detect(session, frames, int(i), None)])[0]]
+    found = [c for i in stages.track(picked.tolist()) if usable_views([c := _detect(session, frames, int(i), None)])[0]]
     if len(found) < MIN_VIEWS:
         return None
     layout = BoardLayout.nominal(session.boards)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +14,8 @@ from analysis.reconstruction.reconstruction import Reconstruction
 from analysis.reflectance.dictionary import Atom, Dictionary
 from analysis.reflectance.models import Cosines
 from analysis.registration.stack import Stack
+from analysis.results.summary import HeldOutView
+from analysis.stages import Track, untracked
 
 Array = NDArray[np.float64]
 
@@ -24,36 +24,6 @@ LAMBERT = Dictionary("lambert", (Atom("lambert"),))
 GLOSSY_CONTRAST = 2.0
 """A pixel is glossy if its curve at the smallest half angle seen is this many times that at 45 deg (or the
 largest seen, if that is less)."""
-
-
-@dataclass(frozen=True, slots=True)
-class LeftOutView:
-    """How well one view was predicted from the others.
-
-    Attributes
-    ----------
-    view : int
-    n_pixels, n_glossy : int
-    relative_rms, lambert_relative_rms : float
-        sqrt(sum (predicted - measured)^2 / sum measured^2), with the dictionary and with a Lambertian fit.
-    psnr_db, lambert_psnr_db : float
-        Against the brightest unclipped measured value of the view.
-    glossy_gain_db : float
-        How far the dictionary's PSNR lies above the Lambertian one on glossy pixels; NaN if there are none.
-    """
-
-    view: int
-    n_pixels: int
-    n_glossy: int
-    relative_rms: float
-    lambert_relative_rms: float
-    psnr_db: float
-    lambert_psnr_db: float
-    glossy_gain_db: float
-
-    def as_dict(self) -> dict[str, float]:
-        """Return the figures for JSON."""
-        return asdict(self)
 
 
 def glossy_pixels(fits: PixelFits) -> NDArray[np.bool_]:
@@ -65,10 +35,10 @@ def glossy_pixels(fits: PixelFits) -> NDArray[np.bool_]:
     return np.asarray(known & (curve[:, 0] > GLOSSY_CONTRAST * curve[:, 1]))
 
 
-def leave_out(
-    reconstruction: Reconstruction, views: NDArray[np.int64], pixels: NDArray[np.int64]
-) -> tuple[LeftOutView, ...]:
-    """Leave each of `views` out in turn, fit `pixels` anew without it, and predict it.
+def hold_out(
+    reconstruction: Reconstruction, views: NDArray[np.int64], pixels: NDArray[np.int64], track: Track = untracked
+) -> tuple[HeldOutView, ...]:
+    """Hold each of `views` out in turn, fit `pixels` anew without it, and predict it.
 
     Geometry (depth, poses, light) and the number of materials stay those of the full fit; a palette's curves are
     refined without the view, normals and shares start from nothing.
@@ -79,15 +49,17 @@ def leave_out(
     views : ndarray of int
     pixels : ndarray of int
         Flat indices into the area.
+    track : Track
+        Learns how many views are done.
     """
     glossy = glossy_pixels(reconstruction.fits)[pixels]
     samples = samples_of(reconstruction.stack, pixels)
-    return tuple(_leave_one(reconstruction, int(view), pixels, samples, glossy) for view in views)
+    return tuple(_hold_out_one(reconstruction, int(view), pixels, samples, glossy) for view in track(views.tolist()))
 
 
-def _leave_one(
+def _hold_out_one(
     reconstruction: Reconstruction, view: int, pixels: NDArray[np.int64], samples: Samples, glossy: NDArray[np.bool_]
-) -> LeftOutView:
+) -> HeldOutView:
     stack, noise = reconstruction.stack, reconstruction.noise
     measured = np.where(samples.saturated[view] > 0, np.nan, samples.radiance[view].astype(np.float64))
     fewer = stack.without_view(view)
@@ -99,7 +71,7 @@ def _leave_one(
     measured = np.where(common, measured, np.nan)
     peak = float(np.nanmax(measured)) if common.any() else float("nan")
     shiny = np.where(glossy[:, None], measured, np.nan)
-    return LeftOutView(
+    return HeldOutView(
         view=view,
         n_pixels=int(common.any(axis=1).sum()),
         n_glossy=int((common.any(axis=1) & glossy).sum()),

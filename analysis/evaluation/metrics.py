@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
+
+from analysis.results.summary import DepthShape, Quantiles
 
 Array = NDArray[np.float64]
 
@@ -20,16 +20,12 @@ def angular_error_deg(normals: Array, truth: Array) -> Array:
     return np.asarray(np.rad2deg(np.arctan2(cross, np.sum(normals * truth, axis=-1))))
 
 
-def error_summary(error: Array) -> dict[str, float]:
+def error_summary(error: Array) -> Quantiles:
     """Return mean, median and 95th percentile of the finite values (NaN if there are none)."""
     finite = error[np.isfinite(error)]
     if finite.size == 0:
-        return {"mean": float("nan"), "median": float("nan"), "p95": float("nan")}
-    return {
-        "mean": float(finite.mean()),
-        "median": float(np.median(finite)),
-        "p95": float(np.percentile(finite, 95)),
-    }
+        return Quantiles(float("nan"), float("nan"), float("nan"))
+    return Quantiles(float(finite.mean()), float(np.median(finite)), float(np.percentile(finite, 95)))
 
 
 def depth_rmse(depth: Array, truth: Array) -> float:
@@ -68,31 +64,6 @@ def psnr_db(predicted: Array, measured: Array, peak: float) -> float:
         return float("nan")
     rms = float(np.sqrt(np.mean((predicted[common] - measured[common]) ** 2)))
     return float("inf") if rms == 0.0 else float(20.0 * np.log10(peak / rms))
-
-
-@dataclass(frozen=True)
-class DepthShape:
-    """Least-squares terms of depth, z = z_0 + tilt_x x + tilt_y y + bowl (x^2 + y^2) / 2 from the map's centre.
-
-    Attributes
-    ----------
-    tilt_x, tilt_y : float
-        Of the plane fitted alone, mm / mm; positive where depth rises to the right, or upwards.
-    bowl : float
-        Curvature in 1 / mm of the fit of plane and bowl; positive where the middle lies deepest.
-    sag : float
-        Height of that bowl's border above its middle, mm: at the known pixel farthest from the centre.
-    rms, rms_without_plane, rms_without_bowl : float
-        Root mean square in mm of depth about its mean, about the plane, about plane and bowl.
-    """
-
-    tilt_x: float
-    tilt_y: float
-    bowl: float
-    sag: float
-    rms: float
-    rms_without_plane: float
-    rms_without_bowl: float
 
 
 def shape_terms(depth: Array, pitch: float) -> DepthShape:

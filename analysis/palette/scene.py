@@ -21,6 +21,7 @@ from analysis.pixels.problem import Noise, PixelProblem, refined_noise, tiles
 from analysis.reflectance.dictionary import Dictionary
 from analysis.reflectance.palette_completion import MaterialBrdfs, complete_palette
 from analysis.registration.stack import Stack
+from analysis.stages import Track, untracked
 
 Array = NDArray[np.float64]
 
@@ -154,6 +155,7 @@ def solve_scene(
     *,
     pixels: NDArray[np.int64] | None = None,
     threads: int | None = None,
+    track: Track = untracked,
 ) -> PixelFits:
     """Solve the pixels of a scene with its palette, and on their own those where it does not hold.
 
@@ -168,6 +170,8 @@ def solve_scene(
     pixels : ndarray of int, shape (P,), or None
         Flat indices of the pixels to solve; None = all.
     threads : int or None
+    track : Track
+        Learns how many tiles of pixels are done.
     """
     shape = stack.radiance.shape[1:3]
     pixels = np.arange(shape[0] * shape[1]) if pixels is None else pixels
@@ -179,7 +183,7 @@ def solve_scene(
             PixelProblem(stack, dictionary, pixels[tile], depth).solve_with_palette(
                 palette, noise, start=begin[tile], cold=start is None, threads=threads
             )
-            for tile in tiles(places)
+            for tile in track(list(tiles(places)))
         ]
     )
     apart = np.flatnonzero(_nearest(scene.unfit, scene, shape).ravel()[pixels])

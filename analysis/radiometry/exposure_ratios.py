@@ -36,6 +36,7 @@ _DARKEST = 10.0  # sigmas of read noise, in the shorter exposure
 
 _BRIGHTEST = 0.9  # of what the longer one can be trusted with
 
+_EXACT = 1e-100  # standard deviation of a constant that is known, in counts; its square is still a number
 _TUKEY = 4.685
 
 _ROUNDS = 6
@@ -190,6 +191,7 @@ def _instrumental_fit(
     weight = np.maximum(1.0 - (z / (_TUKEY * scale)) ** 2, 0.0) ** 2 / variance
     Z, X = np.stack([best, np.ones_like(best)]), np.stack([x, np.ones_like(x)])
     M = (Z * weight) @ X.T
-    M[1, 1] += 1.0 / (black_sigma * abs(1.0 - r)) ** 2
+    # Two frames of one exposure time have the same black: c is 0, however well the black is known.
+    M[1, 1] += 1.0 / max(black_sigma * abs(1.0 - r), _EXACT) ** 2
     r, c = np.linalg.solve(M, Z @ (weight * y))
     return float(r), float(c), np.asarray(scale**2 * np.linalg.inv(M), np.float64)

@@ -1,12 +1,12 @@
 """Which effects a scene needs modelled: each chosen from evidence, with its reason, or forced by an option.
 
 Every `choose_` function takes the option's value (`reconstruction.Options`) and returns what follows from the
-choice and the `Choice` to record.
+choice with the `Choice` to record, as a `Chosen` value.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,8 @@ from analysis.light.offset import FEW_VIEWS, estimate_light_offset, pooled_light
 from analysis.palette.scene import FEWEST_SOLVED, NO_PALETTE_SHARE, ScenePalette, learn, relearn
 from analysis.pixels.parallax import follow_pixels, parallax_shift
 from analysis.pixels.problem import Noise, PixelProblem, estimate_noise, sample_pixels
+from analysis.reconstruction.choices import FORCED, Choice, Chosen
+from analysis.reconstruction.options import Field, Light, Palette, Parallax, Power
 from analysis.reflectance.dictionary import Dictionary
 from analysis.registration.lighting import LightOffset, lit_from, looking_at_centre
 from analysis.registration.stack import Stack
@@ -36,7 +38,23 @@ POWER_ERROR, POWER_GAIN = 0.004, 0.02
 _FAR, _POWER_ROUNDS = 1e4, 3
 
 
-def choose_field(stack: Stack, field: str) -> tuple[Stack, Choice]:
+@dataclass(frozen=True, slots=True)
+class Powered:
+    """A stack with the powers of its views, and the palette that was learnt with them; None without one."""
+
+    stack: Stack
+    palette: ScenePalette | None
+
+
+@dataclass(frozen=True, slots=True)
+class Lit:
+    """A stack with the light in its place; `offset` is None where it was not estimated."""
+
+    stack: Stack
+    offset: LightOffset | None
+
+
+def choose_field(stack: Stack, field: Field) -> Chosen[Stack]:
     """Give every pixel its own directions, or that of the centre where they are the same."""
     corners = stack.grid.points()[[0, 0, -1, -1], [0, -1, 0, -1]]
     to_centre = stack.light_position / np.linalg.norm(stack.light_position, axis=1, keepdims=True)
@@ -45,8 +63,8 @@ def choose_field(stack: Stack, field: str) -> tuple[Stack, Choice]:
     widest = float(np.rad2deg(np.max(np.linalg.norm(to_corner - to_centre[:, None], axis=-1))))
     near = widest > FAR_FIELD_DEG if field == "auto" else field == "near"
     text = f"directions to the light turn by up to {widest:.3g} deg between the centre and a corner"
-    choice = Choice("field", "near" if near else "far", text if field == "auto" else "forced by option")
-    return (stack if near else far_field(stack)), choice
+    choice = Choice("field", "near" if near else "far", text if field == "auto" else FORCED)
+    return Chosen(stack if near else far_field(stack), choice)
 
 
 def far_field(stack: Stack) -> Stack:
@@ -60,37 +78,39 @@ def far_field(stack: Stack) -> Stack:
 
 
 def choose_palette(
-    stack: Stack, dictionary: Dictionary, noise: Noise, palette: str, surface: bool, rng: np.random.Generator
-) -> tuple[ScenePalette | None, Choice]:
+    stack: Stack, dictionary: Dictionary, noise: Noise, palette: Palette, surface: bool, rng: np.random.Generator
+) -> Chosen[ScenePalette | None]:
     """Find the scene's materials, unless its pixels have nothing in common."""
     if palette == "off":
-        return None, Choice("palette", "off", "forced by option")
+        return _no_palette(FORCED)
     if not surface:
-        return None, Choice("palette", "off", "independent pixels share no materials")
+        return _no_palette("independent pixels share no materials")
     n_pixels = len(sample_pixels(stack, FEWEST_PIXELS, rng))
     if palette == "auto" and n_pixels < FEWEST_PIXELS:
-        return None, Choice(
-            "palette", "off", f"{n_pixels} pixels are too few to tell materials; {FEWEST_PIXELS} are enough"
-        )
+        return _no_palette(f"{n_pixels} pixels are too few to tell materials; {FEWEST_PIXELS} are enough")
     scene = learn(stack, dictionary, noise, None, rng)
     if scene is None:
-        return None, Choice("palette", "off", f"fewer than {FEWEST_SOLVED} pixels could be solved on their own")
+        return _no_palette(f"fewer than {FEWEST_SOLVED} pixels could be solved on their own")
     n, unfit = scene.found.palette.n_materials, 100.0 * scene.unfit_share
     losses = f"mean log(1 + loss) {scene.found.loss:.3f} with it, {scene.found.own_loss:.3f} of pixels on their own"
     if palette == "auto" and scene.unfit_share > NO_PALETTE_SHARE:
-        return None, Choice("palette", "off", f"{unfit:.0f} % of the area is none of the {n} materials found; {losses}")
+        return _no_palette(f"{unfit:.0f} % of the area is none of the {n} materials found; {losses}")
     noun = "material" if n == 1 else "materials"
-    return scene, Choice("palette", f"{n} {noun}", f"{losses}; {unfit:.0f} % of the area solved on its own")
+    text = f"{losses}; {unfit:.0f} % of the area solved on its own"
+    return Chosen(scene, Choice("palette", f"{n} {noun}", text))
 
 
-def choose_power(
-    stack: Stack, scene: ScenePalette | None, noise: Noise, power: str
-) -> tuple[Stack, ScenePalette | None, Choice]:
+def _no_palette(reason: str) -> Chosen[ScenePalette | None]:
+    return Chosen(None, Choice("palette", "off", reason))
+
+
+def choose_power(stack: Stack, scene: ScenePalette | None, noise: Noise, power: Power) -> Chosen[Powered]:
     """Correct each view's light power by what all pixels say, if it is off and the fit the better for it."""
+    given = Powered(stack, scene)
     if scene is None:
-        return stack, None, Choice("light power", "given", "without a palette nothing tells a view's power")
+        return Chosen(given, Choice("light power", "given", "without a palette nothing tells a view's power"))
     if power == "given":
-        return stack, scene, Choice("light power", "given", "forced by option")
+        return Chosen(given, Choice("light power", "given", FORCED))
     corrected, better = stack, scene
     for _ in range(_POWER_ROUNDS):
         factor = better.power_factors(corrected)
@@ -101,34 +121,33 @@ def choose_power(
     ratio = corrected.light_power / stack.light_power
     off, gain = float(np.std(ratio / ratio.mean())), scene.found.loss - better.found.loss
     if off == 0.0:
-        return stack, scene, Choice("light power", "given", f"views are within {POWER_ERROR / 4:.1%} of it")
+        return Chosen(given, Choice("light power", "given", f"views are within {POWER_ERROR / 4:.1%} of it"))
     text = f"views differ by {off:.2%} from their stated power; corrected, the loss falls by {gain:.3f}"
     if power == "estimate" or (off > POWER_ERROR and gain > POWER_GAIN):
-        return corrected, better, Choice("light power", "per view", text)
-    return stack, scene, Choice("light power", "given", text)
+        return Chosen(Powered(corrected, better), Choice("light power", "per view", text))
+    return Chosen(given, Choice("light power", "given", text))
 
 
-def choose_light(
-    stack: Stack, dictionary: Dictionary, light: str, rng: np.random.Generator
-) -> tuple[Stack, Choice, LightOffset | None]:
+def choose_light(stack: Stack, dictionary: Dictionary, light: Light, rng: np.random.Generator) -> Chosen[Lit]:
     """Place the light as the options say."""
     if light == "collocated":
         collocated = replace(stack, light_position=stack.camera_position)
-        return collocated, Choice("light", "collocated", "forced by option"), None
+        return Chosen(Lit(collocated, None), Choice("light", "collocated", FORCED))
     if light in {"auto", "given"}:
         distance = np.linalg.norm(stack.light_position - stack.camera_position, axis=1)
         text = f"{distance.mean():.2f} mm from the lens, as the stack says"
-        return stack, Choice("light", "collocated" if distance.max() < 1e-6 else "offset", text), None
+        chosen = "collocated" if distance.max() < 1e-6 else "offset"
+        return Chosen(Lit(stack, None), Choice("light", chosen, text))
     if stack.camera_rotation is None:
         stack = replace(stack, camera_rotation=looking_at_centre(stack.camera_position))
     found = pooled_light_offset(stack)
     if stack.n_views >= FEW_VIEWS:
         noise = estimate_noise(lit_from(stack, found), dictionary, rng)
         found = estimate_light_offset(stack, dictionary, noise, LightOffset(found.value, np.full(3, np.inf)), rng)
-    return lit_from(stack, found), _light_choice(found), found
+    return Chosen(Lit(lit_from(stack, found), found), _light_choice(found))
 
 
-def light_is_uncertain(stack: Stack, light: str) -> bool:
+def light_is_uncertain(stack: Stack, light: Light) -> bool:
     """Tell whether the stack itself says that its light may stand elsewhere, and nothing forbids to look."""
     known = stack.camera_rotation is not None and stack.light_offset is not None
     return light == "auto" and known and stack.light_offset_sigma is not None
@@ -136,14 +155,14 @@ def light_is_uncertain(stack: Stack, light: str) -> bool:
 
 def refine_light(
     stack: Stack, fitted: Stack, depth: Array, dictionary: Dictionary, noise: Noise, rng: np.random.Generator
-) -> tuple[Stack, Choice, LightOffset]:
+) -> Chosen[Lit]:
     """Find the light again, now that the relief no longer blurs the highlights."""
     assert stack.light_offset is not None
     assert stack.light_offset_sigma is not None
     # What came before was found on the flat plane; its sigma does not know of the relief.
     prior = LightOffset(stack.light_offset, np.maximum(stack.light_offset_sigma, 1.0))
     found = estimate_light_offset(fitted, dictionary, noise, prior, rng, depth)
-    return lit_from(stack, found), _light_choice(found), found
+    return Chosen(Lit(lit_from(stack, found), found), _light_choice(found))
 
 
 def _light_choice(found: LightOffset) -> Choice:
@@ -157,9 +176,9 @@ def choose_parallax(
     depth: Array,
     dictionary: Dictionary,
     noise: Noise,
-    parallax: str,
+    parallax: Parallax,
     rng: np.random.Generator,
-) -> tuple[bool, Choice]:
+) -> Chosen[bool]:
     """Tell from the residuals whether the views are registered to the plane or already to the surface.
 
     A stack made on the plane fits best when resampled along the depth and worst against it; one made on the
@@ -167,12 +186,12 @@ def choose_parallax(
     the noise and so lowers residuals, whichever its direction.
     """
     if parallax != "auto":
-        return parallax == "on", Choice("parallax", parallax, "forced by option")
+        return Chosen(parallax == "on", Choice("parallax", parallax, FORCED))
     pixels = sample_pixels(stack, 1500, rng)
     shift = np.linalg.norm(parallax_shift(stack, depth, pixels), axis=-1)
     largest = float(np.percentile(shift, 99))
     if largest < SMALLEST_PARALLAX_PX:
-        return False, Choice("parallax", "off", f"the depth moves the views by {largest:.2f} pixels at most")
+        return Chosen(False, Choice("parallax", "off", f"the depth moves the views by {largest:.2f} pixels at most"))
     moved = np.sort(pixels[np.argsort(shift.max(axis=0))[len(pixels) // 2 :]])
     loss = {
         name: _log_loss(PixelProblem(stack, dictionary, moved, depth, samples), noise)
@@ -188,11 +207,11 @@ def choose_parallax(
         f"shift up to {largest:.1f} pixels; mean log loss {loss['as is']:.2f} as is, "
         f"{loss['along']:.2f} along the depth, {loss['against']:.2f} against it"
     )
-    return follow, Choice("parallax", "on" if follow else "off", text)
+    return Chosen(follow, Choice("parallax", "on" if follow else "off", text))
 
 
-def depth_has_settled(stack: Stack, used: Array, found: Array, follow: bool) -> tuple[bool, str]:
-    """Tell whether the depth that was found moves anything against the one that it was found with, and say how far.
+def depth_has_settled(stack: Stack, used: Array, found: Array, follow: bool, n_updates: int) -> Chosen[bool]:
+    """Tell whether the depth that was found moves anything against the one that it was found with, and how far.
 
     Parameters
     ----------
@@ -201,6 +220,8 @@ def depth_has_settled(stack: Stack, used: Array, found: Array, follow: bool) -> 
         Millimetres; NaN = hole.
     follow : bool
         Whether views are resampled along the depth.
+    n_updates : int
+        How many updates of the depth there were.
     """
     change = float(np.nanpercentile(np.abs(found - used), 99)) if np.isfinite(found - used).any() else 0.0
     turn = float(np.rad2deg(change / np.linalg.norm(stack.light_position, axis=1).min()))
@@ -209,33 +230,11 @@ def depth_has_settled(stack: Stack, used: Array, found: Array, follow: bool) -> 
     text = f"another would turn directions by {turn:.2g} deg"
     if follow:
         text += f" and move the views by {shift:.2g} pixels"
-    return turn < FAR_FIELD_DEG and shift < SMALLEST_PARALLAX_PX, text
+    settled = turn < FAR_FIELD_DEG and shift < SMALLEST_PARALLAX_PX
+    return Chosen(settled, Choice("depth updates", str(n_updates), text))
 
 
 def _log_loss(problem: PixelProblem, noise: Noise) -> float:
     # Not chi-square, which leaves out the views taken for wrong: those are the ones that moved.
     loss = problem.solve(noise).loss
     return float(np.mean(np.log(np.maximum(loss[np.isfinite(loss)], 1e-9))))
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """One effect that could be modelled or not.
-
-    Attributes
-    ----------
-    effect : str
-        E.g. ``"parallax"``.
-    chosen : str
-        E.g. ``"on"``.
-    reason : str
-        The evidence with its numbers, or ``"forced by option"``.
-    """
-
-    effect: str
-    chosen: str
-    reason: str
-
-    def as_dict(self) -> dict[str, str]:
-        """Return the choice as plain text for files."""
-        return asdict(self)

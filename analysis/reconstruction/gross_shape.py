@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from analysis.pixels.parallax import follow_pixels, parallax_shift
 from analysis.pixels.problem import Noise, PixelProblem, sample_pixels
 from analysis.pixels.samples import Samples
-from analysis.reconstruction.effects import Choice
+from analysis.reconstruction.choices import Choice
 from analysis.reflectance.dictionary import Dictionary
 from analysis.registration.stack import Stack
 

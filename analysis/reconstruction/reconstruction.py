@@ -13,8 +13,8 @@ from analysis.palette.scene import ScenePalette, relearn, solve_scene, with_curv
 from analysis.pixels.fits import PixelFits, joined
 from analysis.pixels.identifiability import view_problems
 from analysis.pixels.problem import Noise, PixelProblem, estimate_noise, tiles
+from analysis.reconstruction.choices import FORCED, Choice, Chosen
 from analysis.reconstruction.effects import (
-    Choice,
     choose_field,
     choose_light,
     choose_palette,
@@ -26,6 +26,7 @@ from analysis.reconstruction.effects import (
 )
 from analysis.reconstruction.error_budget import ErrorBudget, error_budget
 from analysis.reconstruction.gross_shape import NO_SHAPE, gross_shape, shape_choice
+from analysis.reconstruction.options import ACCURACIES, Options
 from analysis.reflectance import dictionary as dictionaries
 from analysis.reflectance.palette_completion import MaterialBrdfs
 from analysis.registration.lighting import LightOffset
@@ -34,53 +35,6 @@ from analysis.stages import Stages
 from instrument.files.validation import raise_if_any
 
 Array = NDArray[np.float64]
-
-ACCURACIES = {"draft": 0, "normal": 2, "best": 4}
-"""How often geometry is updated from the depth at the most; it ends where another update would move nothing."""
-
-
-@dataclass(frozen=True)
-class Options:
-    """How to reconstruct; what is ``"auto"`` is chosen from evidence.
-
-    Attributes
-    ----------
-    dictionary : str
-        ``"parametric"``, ``"sgd"``, ``"abc"`` or a file of `halfangle dictionary build`.
-    accuracy : {"draft", "normal", "best"}
-        Most geometry updates, `ACCURACIES`.
-    light : {"auto", "given", "collocated", "estimate"}
-        Where the light stands: as the stack says, in the lens, as the highlights say from nothing, or as
-        the stack says and refined from the highlights if it says that it is uncertain.
-    parallax : {"auto", "on", "off"}
-        Whether views are resampled to follow the depth.
-    palette : {"auto", "on", "off"}
-        Whether pixels are mixtures of few materials that the scene shares, found from it, or each on its own.
-    power : {"auto", "given", "estimate"}
-        Whether each view's light power is corrected by what the whole scene says.
-    field : {"auto", "near", "far"}
-        Whether directions and fall-off are each pixel's own or those of the centre.
-    independent : bool
-        Pixels have nothing to do with each other: no depth.
-    tolerance : float
-        Gain in chi-square that an atom must bring.
-    seed : int
-        Of the draws of pixels for evidence and of the depth's sigma.
-    threads : int or None
-        None = all processors; the result is the same for any number.
-    """
-
-    dictionary: str = "parametric"
-    accuracy: str = "normal"
-    light: str = "auto"
-    parallax: str = "auto"
-    palette: str = "auto"
-    power: str = "auto"
-    field: str = "auto"
-    independent: bool = False
-    tolerance: float = 2.0
-    seed: int = 0
-    threads: int | None = None
 
 
 @dataclass(frozen=True)
@@ -166,27 +120,28 @@ class _Run:
         self.depth = np.full(stack.grid.points().shape[:2], np.nan)
         self.new_depth: Array | None = None
         self.shape = NO_SHAPE
-        stack, field_choice = choose_field(stack, options.field)
+        field = choose_field(stack, options.field)
         with stages.measure("noise and light"):
-            stack, self.light_choice, self.light_offset = choose_light(stack, self.dictionary, options.light, self.rng)
+            self.light = choose_light(field.value, self.dictionary, options.light, self.rng)
+            stack = self.light.value.stack
             self.noise = estimate_noise(stack, self.dictionary, self.rng)
         with stages.measure("palette"):
-            scene, palette_choice = choose_palette(
-                stack, self.dictionary, self.noise, options.palette, self.surface, self.rng
-            )
-            stack, self.scene, power_choice = choose_power(stack, scene, self.noise, options.power)
+            palette = choose_palette(stack, self.dictionary, self.noise, options.palette, self.surface, self.rng)
+            power = choose_power(stack, palette.value, self.noise, options.power)
+            stack, self.scene = power.value.stack, power.value.palette
             if self.scene is not None:
                 self.noise = self.scene.noise(stack, self.noise)
         self.stack = self.fitted = stack
-        self.effects = [field_choice, palette_choice, power_choice]
-        self.updates_choice = Choice("depth updates", "0", "forced by option")
+        self.effects = [field.choice, palette.choice, power.choice]
+        self.updates = Chosen(False, Choice("depth updates", "0", FORCED))
 
     def solve(self, depth: Array | None) -> None:
         """Solve all pixels with the geometry as it is."""
         with self.stages.measure("normals and BRDF"):
             start, threads = None if self.fits is None else self.fits.normals, self.options.threads
+            track = self.stages.track
             if self.scene is not None:
-                fits = solve_scene(self.scene, self.fitted, self.noise, depth, start, threads=threads)
+                fits = solve_scene(self.scene, self.fitted, self.noise, depth, start, threads=threads, track=track)
                 self.fits = with_curve_error(fits, self.scene, self.fitted, self.noise, depth)
             else:
                 tolerance, pixels = self.options.tolerance, np.arange(self.depth.size)
@@ -194,7 +149,7 @@ class _Run:
                     PixelProblem(self.fitted, self.dictionary, tile, depth).solve(
                         self.noise, start=None if start is None else start[tile], tolerance=tolerance, threads=threads
                     )
-                    for tile in tiles(pixels)
+                    for tile in track(list(tiles(pixels)))
                 ]
                 self.fits = joined(parts)
 
@@ -205,17 +160,17 @@ class _Run:
         self.new_depth = None
         with self.stages.measure("parallax"):
             if first:
-                self.follow, choice = choose_parallax(
+                chosen = choose_parallax(
                     self.stack, self.depth, self.dictionary, self.noise, self.options.parallax, self.rng
                 )
-                self.effects.append(choice)
+                self.follow = chosen.value
+                self.effects.append(chosen.choice)
             self._tie_to_plane()
             self.fitted = self._following()
         if first and light_is_uncertain(self.stack, self.options.light):
             with self.stages.measure("noise and light"):
-                self.stack, self.light_choice, self.light_offset = refine_light(
-                    self.stack, self.fitted, self.depth, self.dictionary, self.noise, self.rng
-                )
+                self.light = refine_light(self.stack, self.fitted, self.depth, self.dictionary, self.noise, self.rng)
+                self.stack = self.light.value.stack
                 self.fitted = self._following()
         if self.scene is not None:
             with self.stages.measure("palette"):
@@ -238,9 +193,8 @@ class _Run:
         """Tell whether another update of the geometry would change nothing."""
         with self.stages.measure("depth"):
             self.new_depth = self._depth()
-        settled, text = depth_has_settled(self.stack, self.depth, self.new_depth, self.follow)
-        self.updates_choice = Choice("depth updates", str(n_updates), text)
-        return settled
+        self.updates = depth_has_settled(self.stack, self.depth, self.new_depth, self.follow, n_updates)
+        return self.updates.value
 
     def _depth(self) -> Array:
         if self.new_depth is not None:
@@ -264,10 +218,10 @@ class _Run:
                 sigma = depth_sigma(normal_sigma, self.stack.pixel_pitch, self.rng, weighted=True)
         else:
             forced = self.options.independent
-            reason = "forced by option" if forced else "the stack says that its pixels are independent"
+            reason = FORCED if forced else "the stack says that its pixels are independent"
             self.effects.append(Choice("depth", "off", reason))
         if self.surface:
-            self.effects.append(self.updates_choice)
+            self.effects.append(self.updates.choice)
         if self.follow:
             self.effects.append(shape_choice(self.shape))
             self.depth = self.depth - np.nanmean(self.depth)
@@ -281,10 +235,10 @@ class _Run:
             depth_sigma=sigma,
             stack=self.fitted,
             noise=self.noise,
-            light_offset=self.light_offset,
+            light_offset=self.light.value.offset,
             palette=self.scene,
             materials=materials,
-            choices=(self.light_choice, *self.effects),
+            choices=(self.light.choice, *self.effects),
             budget=budget,
         )
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 
@@ -15,6 +14,8 @@ from numpy.typing import NDArray
 from analysis.reflectance.atoms import TabulatedAtom
 from analysis.reflectance.dictionary_file import Material, MaterialTables
 from analysis.reflectance.merl import cell_angles, fill_unmeasured, read_merl
+from analysis.stages import Track, untracked
+from instrument.files.digests import file_digest
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 
 SUFFIX = ".binary"
@@ -23,9 +24,7 @@ MANTISSA_BITS = 12
 """How many of the 23 of a float32 are kept: 1.2e-4 of each value, for a file that compresses."""
 
 
-def build_dictionary(
-    folder: Path, categories: Path | None = None, progress: Callable[[str], None] | None = None
-) -> MaterialTables:
+def build_dictionary(folder: Path, categories: Path | None = None, track: Track = untracked) -> MaterialTables:
     """Average all MERL files of a folder over phi_d.
 
     Parameters
@@ -34,8 +33,8 @@ def build_dictionary(
         With `.binary` files, each named after its material.
     categories : Path or None
         CSV with the columns ``name`` and ``category``; may name more materials than there are.
-    progress : callable or None
-        Is told each material's name as its turn comes.
+    track : Track
+        Learns how many files are done.
 
     Raises
     ------
@@ -51,15 +50,13 @@ def build_dictionary(
     files = _merl_files(folder)
     problems.extend(_folder_problems(folder, files))
     materials, atoms, counts = [], [], []
-    for file in files:
-        if progress:
-            progress(file.stem)
+    for file in track(files):
         try:
             made, n_measured = _tables(file)
         except InvalidInputError as error:
             problems.extend(error.problems)
             continue
-        materials.append(Material(file.stem, category.get(file.stem, ""), file.name, _digest(file)))
+        materials.append(Material(file.stem, category.get(file.stem, ""), file.name, file_digest(file)))
         atoms.extend(made)
         counts.append(n_measured)
     raise_if_any(f"No dictionary can be built from {folder}.", problems)
@@ -97,11 +94,6 @@ def _rounded(value: NDArray[np.float64]) -> NDArray[np.float64]:
     drop = 23 - MANTISSA_BITS
     bits = value.astype(np.float32).view(np.uint32) + np.uint32(1 << (drop - 1))
     return ((bits >> drop) << drop).view(np.float32).astype(np.float64)
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def read_categories(path: Path) -> dict[str, str]:

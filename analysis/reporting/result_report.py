@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,6 @@ from analysis.drawing.figures import STYLE, Point, group_map, picture, png, scal
 from analysis.palette.materials import group_materials
 from analysis.reflectance.models import Cosines
 from analysis.results.result import FLAG_NAMES, MODEL_NAMES, Result, diffuse_albedo, model_used
-from instrument.files.validation import Problem, raise_if_any
 
 Array = NDArray[np.float64]
 
@@ -29,40 +28,6 @@ NARROW_RANGE_DEG = 30.0
 
 Kind = type | tuple[type, ...] | dict[str, Any] | list[Any]
 
-NUMBER = (int, float)
-
-QUANTILES = {"mean": NUMBER, "median": NUMBER, "p95": NUMBER}
-
-# What stands in a list is the kind of each of its elements.
-_CHOICES: Kind = [{"effect": str, "chosen": str, "reason": str}]
-
-_STAGES: Kind = [{"name": str, "seconds": NUMBER, "peak_mb": NUMBER}]
-
-_SUMMARY: dict[str, Kind] = {
-    "n_views": NUMBER,
-    "n_pixels": NUMBER,
-    "n_unsolved": NUMBER,
-    "relative_error": NUMBER,
-    "normal_sigma_deg": {"median": NUMBER, "p95": NUMBER},
-    "theta_h_range_deg": [NUMBER],
-}
-
-_OPTIONAL: dict[str, Kind] = {
-    "normal_error_deg": QUANTILES,
-    "depth_shape": {"tilt_x": NUMBER, "tilt_y": NUMBER, "sag": NUMBER},
-    "coverage68": NUMBER,
-    "calibration": {},
-    "left_out": [
-        {
-            "view": NUMBER, "relative_rms": NUMBER, "lambert_relative_rms": NUMBER, "psnr_db": NUMBER,
-            "lambert_psnr_db": NUMBER, "glossy_gain_db": NUMBER, "n_glossy": NUMBER, "n_pixels": NUMBER,
-        }
-    ],
-}  # fmt: skip
-
-# Where the first is there, the second is shown too.
-_WITH = {"normal_error_deg": "depth_rmse_without_plane_mm", "coverage68": "coverage95"}
-
 
 def write_report(path: Path, result: Result, title: str) -> None:
     """Write the page to a new file.
@@ -71,10 +36,7 @@ def write_report(path: Path, result: Result, title: str) -> None:
     ------
     FileExistsError
         If there is a file already.
-    InvalidInputError
-        If the result does not say what a report shows.
     """
-    raise_if_any("The report cannot be made of this result.", report_problems(result))
     groups = group_materials(result.fits)
     picked = picked_points(result, groups)
     environment = jinja2.Environment(
@@ -86,9 +48,9 @@ def write_report(path: Path, result: Result, title: str) -> None:
         advice=_advice(result),
         maps=_maps(result, groups, picked),
         curves=_encode(curves(result, picked)),
-        left_out=result.summary.get("left_out", []),
+        left_out=result.summary.left_out,
         choices=result.choices,
-        calibration=_flat(result.summary.get("calibration", {})),
+        calibration=_flat(result.summary.calibration or {}),
         stages=result.stages,
         flags=_flag_counts(result),
         models=_model_counts(result),
@@ -113,34 +75,37 @@ def _headline(result: Result) -> list[tuple[str, str]]:
     rows = [
         (
             "Area",
-            f"{result.grid.width} × {result.grid.height} pixels of {result.grid.pitch:g} mm, {s['n_views']} views",
+            f"{result.grid.width} × {result.grid.height} pixels of {result.grid.pitch:g} mm, {s.n_views} views",
         ),
     ]
-    if "normal_error_deg" in s:
-        e = s["normal_error_deg"]
+    if s.normal_error_deg is not None:
+        e = s.normal_error_deg
         rows.append(
             (
                 "Normal error against the truth",
-                f"mean {e['mean']:.3f}, median {e['median']:.3f}, 95 % {e['p95']:.3f} deg",
+                f"mean {e.mean:.3f}, median {e.median:.3f}, 95 % {e.p95:.3f} deg",
             )
         )
-        plane = f"{s['depth_rmse_without_plane_mm']:.4f} mm with the plane removed"
-        rows.append(("Depth error against the truth", f"RMS {s['depth_rmse_mm']:.4f} mm; {plane}"))
-    if "depth_shape" in s:
-        shape = s["depth_shape"]
-        tilt = np.rad2deg(np.arctan(np.hypot(shape["tilt_x"], shape["tilt_y"])))
-        text = f"tilt {tilt:.3f} deg, bowl {shape['sag']:.4f} mm deep; a light placed or powered wrongly makes both"
+    if s.depth_rmse_mm is not None:
+        plane = f"{s.depth_rmse_without_plane_mm:.4f} mm with the plane removed"
+        rows.append(("Depth error against the truth", f"RMS {s.depth_rmse_mm:.4f} mm; {plane}"))
+    if s.depth_shape is not None:
+        shape = s.depth_shape
+        tilt = np.rad2deg(np.arctan(np.hypot(shape.tilt_x, shape.tilt_y)))
+        text = f"tilt {tilt:.3f} deg, bowl {shape.sag:.4f} mm deep; a light placed or powered wrongly makes both"
         rows.append(("Plane and bowl in the depth", text))
-    sigma = s["normal_sigma_deg"]
-    rows.append(("Stated normal sigma", f"median {sigma['median']:.3f}, 95 % below {sigma['p95']:.3f} deg"))
-    if "coverage68" in s:
-        inside = f"{100 * s['coverage68']:.0f} % and {100 * s['coverage95']:.0f} %"
+    sigma = s.normal_sigma_deg
+    rows.append(("Stated normal sigma", f"median {sigma.median:.3f}, 95 % below {sigma.p95:.3f} deg"))
+    if s.coverage68 is not None and s.coverage95 is not None:
+        inside = f"{100 * s.coverage68:.0f} % and {100 * s.coverage95:.0f} %"
         rows.append(("Stated 68 % and 95 % intervals", f"hold {inside} of the true normals"))
-    low, high = s["theta_h_range_deg"]
+    low, high = s.theta_h_range_deg
     rows.append(("Half angles seen by the typical pixel", f"{low:.1f} to {high:.1f} deg"))
-    left_out = s.get("left_out", [])
+    left_out = s.left_out
     if left_out:
-        ours, lambert = (float(np.median([v[k] for v in left_out])) for k in ("relative_rms", "lambert_relative_rms"))
+        ours, lambert = (
+            float(np.median([getattr(v, k) for v in left_out])) for k in ("relative_rms", "lambert_relative_rms")
+        )
         rows.append(
             (
                 "Error on views left out",
@@ -153,7 +118,7 @@ def _headline(result: Result) -> list[tuple[str, str]]:
 def _advice(result: Result) -> list[str]:
     """Return what a user must know before trusting the maps."""
     s = result.summary
-    low, high = s["theta_h_range_deg"]
+    low, high = s.theta_h_range_deg
     advice = []
     if high < NARROW_RANGE_DEG:
         advice.append(
@@ -161,11 +126,11 @@ def _advice(result: Result) -> list[str]:
             "extrapolated, diffuse albedo and normals trade against each other, and the stated sigma does not cover "
             "that. Add poses with more tilt."
         )
-    if s["n_unsolved"]:
-        advice.append(f"{s['n_unsolved']} of {s['n_pixels']} pixels are unsolved; the flags below say why.")
-    if s["relative_error"] > 0.03:
+    if s.n_unsolved:
+        advice.append(f"{s.n_unsolved} of {s.n_pixels} pixels are unsolved; the flags below say why.")
+    if s.relative_error > 0.03:
         advice.append(
-            f"Residuals are {100 * s['relative_error']:.1f} % of the radiance: check gamma, exposure times, "
+            f"Residuals are {100 * s.relative_error:.1f} % of the radiance: check gamma, exposure times, "
             "registration and the light's position."
         )
     return advice
@@ -228,45 +193,6 @@ def _text(value: Any) -> str:
 
 def _encode(png: bytes) -> str:
     return base64.b64encode(png).decode("ascii")
-
-
-def report_problems(result: Result) -> Iterator[Problem]:
-    """Yield what a report needs and the result does not have."""
-    summary = result.summary if isinstance(result.summary, dict) else {}
-    wanted = _SUMMARY | {name: kind for name, kind in _OPTIONAL.items() if name in summary}
-    wanted |= {other: NUMBER for name, other in _WITH.items() if name in summary}
-    wanted |= {"depth_rmse_mm": NUMBER} if "normal_error_deg" in summary else {}
-    yield from _misfits("/entry/choices", result.choices, _CHOICES)
-    yield from _misfits("/entry/stages", result.stages, _STAGES)
-    yield from _misfits("/entry/summary", result.summary, wanted)
-    if len(summary.get("theta_h_range_deg", ())) != 2:
-        yield Problem("/entry/summary.theta_h_range_deg", "must be two angles")
-
-
-def _misfits(where: str, value: Any, kind: Kind) -> Iterator[Problem]:
-    """Yield where JSON values are not of a kind; keys that are not asked for are no matter."""
-    if isinstance(kind, dict):
-        if not isinstance(value, dict):
-            yield Problem(where, f"is {_shown(value)}; must be values by name")
-            return
-        for name, inner in kind.items():
-            if name not in value:
-                yield Problem(f"{where}.{name}", "is missing")
-            else:
-                yield from _misfits(f"{where}.{name}", value[name], inner)
-    elif isinstance(kind, list):
-        if not isinstance(value, list):
-            yield Problem(where, f"is {_shown(value)}; must be a list")
-            return
-        for i, element in enumerate(value):
-            yield from _misfits(f"{where}[{i}]", element, kind[0])
-    elif not isinstance(value, kind):
-        yield Problem(where, f"is {_shown(value)}; must be a {'text' if kind is str else 'number'}")
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 40 else f"{text[:37]}..."
 
 
 def curves(result: Result, points: Sequence[Point], samples: Sequence[tuple[Array, Array]] = ()) -> bytes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from analysis.reflectance.models import Cosines
 from analysis.registration.stack import Stack
 from analysis.registration.stack_file import is_stack, read_stack
 from analysis.results.result import FLAG_NAMES, Result
+from instrument.files.digests import file_digest
 from instrument.files.probe import refuse_dangerous
 from instrument.files.validation import InvalidInputError, Problem
 
@@ -182,20 +182,18 @@ def source_stack(path: Path, result: Result, stack: Path | None = None) -> Stack
     if not is_stack(place):
         what = "is the session; its registered stack was not kept. Write one with `halfangle calibrate"
         raise _refused(place, f"{what} {name} -o area.stack.h5` and reconstruct that")
-    with place.open("rb") as file:
-        if hashlib.file_digest(file, "sha256").hexdigest() != digest:
-            raise _refused(place, f"is not the file that {path.name} came from, or has changed since; reconstruct it")
+    if file_digest(place) != digest:
+        raise _refused(place, f"is not the file that {path.name} came from, or has changed since; reconstruct it")
     return _checked(place, read_stack(place), result)
 
 
 def _stated(path: Path, result: Result) -> tuple[str, str]:
-    source = result.summary.get("source") if isinstance(result.summary, dict) else None
-    name, digest = (source.get(key) if isinstance(source, dict) else None for key in ("file", "sha256"))
-    if result.views is None or not isinstance(name, str) or not isinstance(digest, str) or not Path(name).name:
+    source = result.summary.source
+    if result.views is None or source is None or not Path(source.file).name:
         what = "does not say which stack it came from and how it was fitted; reconstruct it with this version"
         raise _refused(path, what)
     # A result from elsewhere must not make us read files anywhere else.
-    return Path(name).name, digest
+    return Path(source.file).name, source.sha256
 
 
 def _checked(place: Path, stack: Stack, result: Result) -> Stack:

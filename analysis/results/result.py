@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from analysis.pixels import samples
 from analysis.pixels.fits import PixelFits
+from analysis.reconstruction.choices import Choice
 from analysis.reconstruction.reconstruction import Reconstruction
 from analysis.reflectance.atoms import LAMBERT, LOBE, MATERIAL
 from analysis.reflectance.models import Cosines
 from analysis.reflectance.palette_completion import MaterialBrdfs
 from analysis.registration.grid import Grid
+from analysis.results.summary import Summary, plain
 from analysis.results.views import FittedViews
 from analysis.stages import Stage
 
@@ -37,8 +39,6 @@ DIFFUSE_REFERENCE_DEG = 45.0
 """Half angle at which the curve stands for the diffuse albedo: beyond most lobes, short of the grazing atoms.
 A pixel that was not seen so far out is read at the largest half angle it was seen at."""
 
-_ALBEDO_MEANING = f"pi f at {DIFFUSE_REFERENCE_DEG:g} deg, or as far as seen"
-
 
 @dataclass(frozen=True)
 class Result:
@@ -53,9 +53,11 @@ class Result:
         Millimetres; NaN where unknown.
     truth_error : ndarray, shape (H, W), or None
         Angular error in degrees where the stack held a truth.
-    choices, stages : list of dict
-    summary : dict
-        Figures: noise level, scores, errors on views left out, calibration.
+    choices : tuple of Choice
+        What was modelled, and why.
+    stages : tuple of Stage
+        What the reconstruction took.
+    summary : Summary
     materials : MaterialBrdfs or None
         The palette's materials over all angles, with their band, where a palette was used.
     views : FittedViews or None
@@ -67,11 +69,15 @@ class Result:
     depth: Array
     depth_sigma: Array
     truth_error: Array | None
-    choices: list[dict[str, str]]
-    stages: list[dict[str, float | str]]
-    summary: dict[str, Any]
+    choices: tuple[Choice, ...]
+    stages: tuple[Stage, ...]
+    summary: Summary
     materials: MaterialBrdfs | None = None
     views: FittedViews | None = None
+
+    def figures(self) -> dict[str, Any]:
+        """Return all figures for JSON: the summary, the stages and the choices."""
+        return {**self.summary.as_dict(), "stages": plain(self.stages), "choices": plain(self.choices)}
 
     def as_map(self, values: NDArray[Scalar]) -> NDArray[Scalar]:
         """Give per-pixel values the shape of the area."""
@@ -136,7 +142,7 @@ def _count_distinct(atoms: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
 
 
 def result_of(
-    reconstruction: Reconstruction, stages: Iterable[Stage], summary: dict[str, Any], truth_error: Array | None
+    reconstruction: Reconstruction, stages: Iterable[Stage], summary: Summary, truth_error: Array | None
 ) -> Result:
     """Gather a reconstruction and what is known about it."""
     return Result(
@@ -145,8 +151,8 @@ def result_of(
         depth=reconstruction.depth,
         depth_sigma=reconstruction.depth_sigma,
         truth_error=truth_error,
-        choices=[choice.as_dict() for choice in reconstruction.choices],
-        stages=[{"name": s.name, "seconds": s.seconds, "peak_mb": s.peak_mb} for s in stages],
+        choices=tuple(reconstruction.choices),
+        stages=tuple(stages),
         summary=summary,
         materials=reconstruction.materials,
         views=FittedViews.of(reconstruction),

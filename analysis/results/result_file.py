@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from analysis.palette.materials import group_materials
 from analysis.pixels.fits import PixelFits
 from analysis.pixels.problem import tiles
+from analysis.reconstruction.choices import Choice
 from analysis.reflectance.atom_file import read_atoms, write_atoms
 from analysis.reflectance.atoms import AnyAtom, TabulatedAtom
 from analysis.reflectance.dictionary import Dictionary
@@ -22,8 +23,9 @@ from analysis.reflectance.palette_completion import MaterialBrdfs
 from analysis.registration.grid import Grid
 from analysis.results.result import DIFFUSE_REFERENCE_DEG, FLAG_NAMES, MODEL_NAMES, Result, diffuse_albedo, model_used
 from analysis.results.result_checks import result_problems, value_problems
+from analysis.results.summary import Summary, Value, plain, value_from_json
 from analysis.results.views import read_views, write_views
-from instrument.files.json_text import parse_json
+from analysis.stages import Stage
 from instrument.files.untrusted import HDF5_ERRORS, open_foreign, text_attribute
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 
@@ -44,8 +46,9 @@ def write_result(path: Path, result: Result) -> None:
         entry = file.create_group("entry")
         entry.attrs.update({"NX_class": "NXentry", "default": "result", "halfangle_schema": SCHEMA})
         entry.create_dataset("program_version", data=version("halfangle"))
-        for name, value in (("choices", result.choices), ("stages", result.stages), ("summary", result.summary)):
-            entry.create_dataset(name, data=json.dumps(value))
+        for name, value in (("choices", result.choices), ("stages", result.stages)):
+            entry.create_dataset(name, data=json.dumps(plain(value)))
+        entry.create_dataset("summary", data=json.dumps(result.summary.as_dict()))
         group = entry.create_group("result")
         group.attrs.update({"NX_class": "NXdata", "signal": "depth"})
         _write_maps(group, result)
@@ -165,7 +168,6 @@ def _read(file: Any) -> Result:
     grid = Grid(height, width, float(maps["pixel_pitch"][()]))
     raise_if_any("", value_problems(fits, grid))
     error = maps["normal_error_deg"][...].astype(np.float64) if "normal_error_deg" in maps else None
-    text = {name: parse_json(file[f"/entry/{name}"].asstr()[()]) for name in ("choices", "stages", "summary")}
     return Result(
         fits=fits,
         grid=grid,
@@ -174,5 +176,11 @@ def _read(file: Any) -> Result:
         truth_error=error,
         materials=_read_band(brdf["band"], fits.dictionary.atoms) if "band" in brdf else None,
         views=read_views(file["/entry/views"]) if "views" in file["/entry"] else None,
-        **text,
+        choices=_read_value(file, "choices", tuple[Choice, ...]),
+        stages=_read_value(file, "stages", tuple[Stage, ...]),
+        summary=_read_value(file, "summary", Summary),
     )
+
+
+def _read_value(file: Any, name: str, kind: type[Value]) -> Value:
+    return value_from_json(kind, file[f"/entry/{name}"].asstr()[()], f"/entry/{name}")

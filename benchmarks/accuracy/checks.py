@@ -9,7 +9,8 @@ import numpy as np
 
 from analysis.pixels.identifiability import view_problems
 from analysis.pixels.problem import PixelProblem
-from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.reconstruction.options import Options
+from analysis.reconstruction.reconstruction import reconstruct
 from analysis.reflectance.dictionary import parametric
 from benchmarks.common.methods import KNOWN_NOISE
 from benchmarks.common.scenes import FAR_MM, Scene, independent, relief

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from analysis.evaluation.metrics import angular_error_deg
-from analysis.stages import peak_memory_mb
+from analysis.stages import Track, peak_memory_mb, untracked
 from benchmarks.accuracy.checks import checks
 from benchmarks.accuracy.rows import Row, paired, score
 from benchmarks.accuracy.settings import N_VIEWS, NOISE, PARTS, QUICK_PARTS, Entry, Setting
@@ -35,23 +35,26 @@ SHORT_SECONDS = 1.0
 PACKAGES = ("halfangle", "numpy", "scipy", "numba", "matplotlib")
 
 
-def bench(chosen: list[Setting], seed: int, announce: Callable[[str], None] | None = None) -> Report:
+def bench(
+    chosen: list[Setting], seed: int, announce: Callable[[str], None] = lambda _: None, track: Track = untracked
+) -> Report:
     """Run settings; return rows, checks, and what is needed to judge and to repeat them.
 
     Parameters
     ----------
     chosen : list of Setting
     seed : int
-    announce : callable or None
+    announce : callable
         Called with a line about each row as it is ready.
+    track : Track
+        Learns how many settings are done.
     """
-    say = announce or (lambda _: None)
     begin, load = time.perf_counter(), os.getloadavg()[0] if hasattr(os, "getloadavg") else None
-    say("compiling")
+    announce("compiling")
     warm_up({(setting.scene, entry.method) for setting in chosen for entry in setting.entries})
     rows: list[Row] = []
-    for setting in chosen:
-        rows += run_setting(setting, seed, say)
+    for setting in track(chosen):
+        rows += run_setting(setting, seed, announce)
     add_ratios(rows, seed)
     report: Report = {"seed": seed, "day": time.strftime("%Y-%m-%d"), "machine": machine(), "load": load}
     report |= {"versions": {name: version(name) for name in PACKAGES}, "rows": rows}

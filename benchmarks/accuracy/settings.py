@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from analysis.pixels.problem import Noise
-from analysis.reconstruction.reconstruction import Options
+from analysis.reconstruction.options import Options, Palette
 from analysis.reflectance.atoms import LOBE, Atom
 from analysis.reflectance.dictionary import Dictionary, parametric, published
 from analysis.reflectance.models import Cosines
@@ -209,8 +209,11 @@ def ablation() -> Iterator[Setting]:
     usual = Setting("ablation", "relief", (), RELIEF_SIZE)
     yield replace(usual, entries=(*_single("off"), *_single("on")))
     corrected = tuple(
-        Entry("palette", whole(Options(palette="on", power=power)), text)
-        for power, text in (("auto", "all effects"), ("given", "light power not corrected"))
+        Entry("palette", whole(options), text)
+        for options, text in (
+            (Options(palette="on"), "all effects"),
+            (Options(palette="on", power="given"), "light power not corrected"),
+        )
     )
     text = "light power off by 1 % a view"
     yield replace(usual, entries=corrected, variant=text, options={"power_error": 0.01})
@@ -229,9 +232,9 @@ def ablation() -> Iterator[Setting]:
         yield Setting("ablation", "independent", (*pixels, *more), 2048, table=table)
 
 
-def _single(palette_option: str) -> Iterator[Entry]:
+def _single(palette_option: Palette) -> Iterator[Entry]:
     """Yield whole solves with all effects, and without each in turn, with or without a palette."""
-    method = {"on": "palette", "off": "generic"}[palette_option]
+    method = "palette" if palette_option == "on" else "generic"
     base = Options(palette=palette_option)
     for text, options in (
         ("all effects", base),

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from analysis.pixels.fits import PixelFits
 from analysis.pixels.problem import Noise, PixelProblem, estimate_noise
-from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.reconstruction.options import Options
+from analysis.reconstruction.reconstruction import reconstruct
 from analysis.reflectance.dictionary import Dictionary, from_published, parametric
 from analysis.reflectance.models import Cosines
 from analysis.reflectance.palette import NODES, Palette

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from analysis.stages import Track, untracked
 from benchmarks.reproduction.run_experiment import RESULT
 from instrument.files.validation import InvalidInputError, Problem
 
@@ -58,6 +59,7 @@ def reproduce(
     seed: int,
     merl: Path | None = None,
     announce: Callable[[str], None] = lambda _: None,
+    track: Track = untracked,
 ) -> Iterator[Result]:
     """Run experiments and yield what became of each.
 
@@ -73,6 +75,8 @@ def reproduce(
         As `benchmarks.reproduction.experiment.Request`.
     announce : callable
         Takes a line before each.
+    track : Track
+        Learns how many experiments are done.
     """
     request = {
         "quick": quick,
@@ -80,7 +84,7 @@ def reproduce(
         "merl": None if merl is None else str(merl.resolve()),
         "code": code_digest(),
     }
-    for name in names:
+    for name in track(names):
         place = folder / name
         known = _earlier(place, request)
         announce(f"{name} (as it was run before)" if known else name)

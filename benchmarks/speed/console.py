@@ -55,7 +55,7 @@ from pathlib import Path
 from PySide6.QtCore import QEvent, QObject
 from PySide6.QtWidgets import QApplication
 from gui.main_window import MainWindow
-from instrument.config import load_rig
+from instrument.config.loading import load_rig
 
 class Painted(QObject):
     def eventFilter(self, watched, event):

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -19,16 +19,15 @@ import click
 import numpy as np
 
 from analysis.evaluation.metrics import angular_error_deg, error_summary
+from analysis.pipeline import calibrate
 from analysis.pixels.fits import PixelFits
 from analysis.reconstruction.reconstruction import Reconstruction, reconstruct
 from analysis.reflectance.models import Array, Cosines
 from analysis.registration.grid import Grid
 from analysis.registration.stack import Stack, Truth
 from analysis.registration.stack_file import read_stack, write_truth
-from analysis.stages import Stages
 from benchmarks.common.scenes import DARK_FLOOR, Scene, relief, with_noise
 from benchmarks.common.simulated import EXAMPLES, truth_of
-from cli.calibration import stack_from_session
 from drivers.simulated.brdf import evaluate
 from drivers.simulated.stage import SimulatedStage
 from drivers.simulated.world import World
@@ -222,7 +221,7 @@ def figures(result: Reconstruction, curve: Array | None, seconds: float) -> Figu
     truth = result.stack.truth
     assert truth is not None
     error = error_summary(angular_error_deg(result.normals, truth.normals))
-    return Figures(**error, curve=_curve_error(result.fits, curve), seconds=seconds)
+    return Figures(**asdict(error), curve=_curve_error(result.fits, curve), seconds=seconds)
 
 
 def _curve_error(fits: PixelFits, curve: Array | None) -> float:
@@ -251,7 +250,7 @@ def figures_of_chain(rig: RigConfig, views: Views) -> Figures:
         session, stack_file = Path(folder) / "session.h5", Path(folder) / "area.stack.h5"
         begin = time.perf_counter()
         capture(rig, protocol, session)
-        stack, _ = stack_from_session(session, stack_file, CHAIN_PITCH_MM, Stages())
+        stack = calibrate(session, stack_file, pitch=CHAIN_PITCH_MM).stack
         write_truth(stack_file, truth_of(rig, stack.grid))
         result = reconstruct(read_stack(stack_file))
         return figures(result, None, time.perf_counter() - begin)

@@ -1,9 +1,11 @@
-"""Digests that tell whether a frame is still what the camera gave."""
+"""SHA-256 digests of frames, texts and files."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable
 from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,3 +24,9 @@ def chain_digest(digests: Iterable[str]) -> str:
 def text_digest(text: str) -> str:
     """Return the hex SHA-256 of a text in UTF-8."""
     return sha256(text.encode()).hexdigest()
+
+
+def file_digest(path: Path) -> str:
+    """Return the hex SHA-256 of a file's bytes."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

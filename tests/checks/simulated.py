@@ -14,7 +14,8 @@ from analysis.calibration.register import register
 from analysis.calibration.session import Calibration
 from analysis.evaluation.scoring import score
 from analysis.radiometry.frames import MergedFrames
-from analysis.reconstruction.reconstruction import Options, Reconstruction, reconstruct
+from analysis.reconstruction.options import Options
+from analysis.reconstruction.reconstruction import Reconstruction, reconstruct
 from analysis.registration.stack import Stack
 from analysis.registration.stack_file import read_stack
 from analysis.results.result import result_of
@@ -103,7 +104,7 @@ def simulate(folder: Path) -> Iterator[Simulated]:
         stack = read_stack(folder / "area.stack.h5")
         # Pixels on their own: a palette takes a minute and is not what is checked.
         result = reconstruct(stack, Options(palette="off"))
-        write_result(folder / "r.h5", result_of(result, [], score(result, n_left_out=0), None))
+        write_result(folder / "r.h5", result_of(result, [], score(result, n_held_out=0), None))
         yield Simulated(
             session=session,
             frames=MergedFrames(session),

@@ -11,7 +11,8 @@ import pytest
 from analysis.camera.calibration import views_of
 from analysis.evaluation.metrics import angular_error_deg
 from analysis.pixels.samples import BLACK, TOO_FEW_VIEWS
-from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.reconstruction.options import Options
+from analysis.reconstruction.reconstruction import reconstruct
 from analysis.registration.stack_file import read_stack
 from analysis.results.result_file import read_result
 from tests.checks.conftest import Record

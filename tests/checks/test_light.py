@@ -9,7 +9,8 @@ import pytest
 
 from analysis.evaluation.metrics import angular_error_deg
 from analysis.light.flat_field import WARN_GAIN, fit_flat_field, prediction_error
-from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.reconstruction.options import Options
+from analysis.reconstruction.reconstruction import reconstruct
 from analysis.registration.grid import Grid
 from analysis.registration.stack import Stack
 from analysis.registration.stack_file import read_stack, write_stack

@@ -15,7 +15,8 @@ from analysis.radiometry.exposure_ratios import WARN_DEVIATION
 from analysis.radiometry.frames import MergedFrames
 from analysis.radiometry.hdr import Sensor, merge_bracket
 from analysis.radiometry.response_fit import fit_response
-from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.reconstruction.options import Options
+from analysis.reconstruction.reconstruction import reconstruct
 from instrument.files.validation import InvalidInputError
 from instrument.imports.prepare import prepare_import
 from instrument.imports.writing import write_import

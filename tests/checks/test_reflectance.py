@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from analysis.pixels.fits import PixelFits
-from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.reconstruction.options import Options
+from analysis.reconstruction.reconstruction import reconstruct
 from analysis.reflectance import models
 from analysis.reflectance.atoms import published
 from analysis.reflectance.completion import THETA_D, THETA_H, atom_on_nodes, atoms_on_slice, complete_brdf

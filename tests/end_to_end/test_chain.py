@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from analysis.evaluation.metrics import angular_error_deg
-from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.reconstruction.options import Options
+from analysis.reconstruction.reconstruction import reconstruct
 from analysis.registration.stack import Stack
 from analysis.registration.stack_file import read_stack, write_truth
 from analysis.results.result_file import read_result

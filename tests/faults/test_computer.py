@@ -218,8 +218,8 @@ def test_a_disk_that_stalls_is_a_fault_and_not_a_wait_for_ever(
 INTERRUPTED = """
 import signal, sys, time
 from pathlib import Path
-from instrument.rig import Rig
-from protocols.engine import capture
+from instrument.rig.rig import Rig
+from protocols.capture.engine import capture
 from tests.faults import bench
 
 n_signals, when = int(sys.argv[2]), sys.argv[3]

@@ -1,11 +1,13 @@
 """Small valid files of each kind, to be mutated."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from analysis.evaluation.scoring import score, truth_error
-from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.reconstruction.options import Options
+from analysis.reconstruction.reconstruction import reconstruct
 from analysis.reflectance.atoms import TabulatedAtom
 from analysis.reflectance.dictionary_file import Material, MaterialTables, write_dictionary
 from analysis.registration.stack_file import write_stack
@@ -26,7 +28,7 @@ def write_sources(folder: Path) -> dict[str, Path]:
     stages = Stages()
     with stages.measure("reading"):
         reconstruction = reconstruct(stack, Options(palette="off"), stages)
-    summary = score(reconstruction, 2) | {"calibration": {"rms": 0.1, "views": [1, 2]}}
+    summary = replace(score(reconstruction, 2), calibration={"rms": 0.1, "views": [1, 2]})
     write_result(paths["result"], result_of(reconstruction, stages, summary, truth_error(reconstruction)))
     write_dictionary(paths["dictionary"], _tables())
     return paths

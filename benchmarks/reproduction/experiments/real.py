@@ -14,8 +14,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis.drawing.colours import display_colours, normal_colours
-from analysis.evaluation.held_out import leave_out
-from analysis.reconstruction.reconstruction import Options, Reconstruction, reconstruct
+from analysis.evaluation.held_out import hold_out
+from analysis.reconstruction.options import Options
+from analysis.reconstruction.reconstruction import Reconstruction, reconstruct
 from analysis.registration.registered_pictures import import_registered
 from analysis.registration.stack import Stack
 from benchmarks.reproduction.experiment import Experiment, Finding, Request, Row, SkippedError, Verdict
@@ -35,7 +36,7 @@ def run(request: Request) -> Finding:
     found = reconstruct(stack, Options(light="estimate", seed=request.seed))
     rng = np.random.default_rng(request.seed)
     pixels = np.sort(rng.choice(found.depth.size, N_PIXELS, replace=False))
-    left_out = leave_out(found, np.arange(stack.n_views), pixels)
+    left_out = hold_out(found, np.arange(stack.n_views), pixels)
     rows: list[Row] = [
         {
             "left out": view.view,

@@ -8,7 +8,7 @@ imported, calibrated from the boards and reconstructed as anyone's would be.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis.evaluation.metrics import angular_error_deg, depth_rmse_without_plane, error_summary
+from analysis.reconstruction.options import Accuracy
 from analysis.results.result import Result
 from benchmarks.reproduction.experiment import Experiment, Finding, Request, Row, Verdict
 from benchmarks.reproduction.mitsuba_scenes.figures import grid_of, save, show, show_normals, show_picture
@@ -64,7 +65,7 @@ class Scored:
     @property
     def final_deg(self) -> float:
         """Mean angular error of the last stage."""
-        return error_summary(self.error(self.last))["mean"]
+        return error_summary(self.error(self.last)).mean
 
     @property
     def last(self) -> str:
@@ -92,7 +93,7 @@ def run(request: Request) -> Finding:
     )
 
 
-def _scored(of: Prepared, accuracies: Sequence[str]) -> Scored:
+def _scored(of: Prepared, accuracies: Sequence[Accuracy]) -> Scored:
     results = {accuracy: of.result(accuracy) for accuracy in accuracies}
     flat = np.broadcast_to([0.0, 0.0, 1.0], of.truth.normals.shape)
     last = results[accuracies[-1]]
@@ -126,8 +127,8 @@ def _row(scene: Scored, stage: str) -> Row:
     error, last = error_summary(scene.error(stage)), stage == scene.last
     depth = depth_rmse_without_plane(scene.result.depth, scene.of.truth.depth) if last else None
     row: Row = {"scene": scene.of.scene.name, "stage": stage}
-    row |= {f"normals_{name}_deg": value for name, value in error.items()}
-    row["normals_mean_as_seen_deg"] = error_summary(angular_error_deg(scene.normals[stage], scene.as_seen))["mean"]
+    row |= {f"normals_{name}_deg": value for name, value in asdict(error).items()}
+    row["normals_mean_as_seen_deg"] = error_summary(angular_error_deg(scene.normals[stage], scene.as_seen)).mean
     row["depth_rms_without_plane_mm"] = depth
     for number, view in enumerate(scene.novel, start=1):
         row[f"novel_{number}_psnr_db"] = view.psnr_db if last else None

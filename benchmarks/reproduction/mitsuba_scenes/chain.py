@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.calibration.register import register
-from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.pipeline import reconstruct
+from analysis.reconstruction.options import Accuracy, Options
 from analysis.registration.stack import Stack
 from analysis.registration.stack_file import read_stack
-from analysis.results.result import Result, result_of
+from analysis.results.result import Result
 from analysis.results.result_file import read_result, write_result
-from analysis.stages import Stages
 from benchmarks.reproduction.mitsuba_scenes.plate import AREA_MM, boards
 from benchmarks.reproduction.mitsuba_scenes.views import DISTANCE_MM, LIGHT_BY_RULER_MM, LIGHT_SIGMA_MM, Camera
 from instrument.imports.prepare import CAPTURE_FILE, prepare_import
@@ -40,7 +40,7 @@ class Chain:
 
     folder: Path
 
-    def is_finished(self, accuracy: str) -> bool:
+    def is_finished(self, accuracy: Accuracy) -> bool:
         """Tell whether there is a result already."""
         return self._result_file(accuracy).exists()
 
@@ -50,13 +50,13 @@ class Chain:
         session = self._made(SESSION_FILE, lambda path: _import(pictures, path, camera, n_views, pitch))
         return read_stack(self._made(STACK_FILE, lambda path: _register(session, path)))
 
-    def result(self, stack: Stack, accuracy: str) -> Result:
+    def result(self, stack: Stack, accuracy: Accuracy) -> Result:
         """Return what a stack says of its sample, with so many updates of the geometry."""
         return read_result(
             self._made(self._result_file(accuracy).name, lambda path: _reconstruct(stack, path, accuracy))
         )
 
-    def _result_file(self, accuracy: str) -> Path:
+    def _result_file(self, accuracy: Accuracy) -> Path:
         return self.folder / f"{accuracy}.result.h5"
 
     def _made(self, name: str, make: Callable[[Path], None]) -> Path:
@@ -80,9 +80,8 @@ def _register(session: Path, path: Path) -> None:
         register(opened, path)
 
 
-def _reconstruct(stack: Stack, path: Path, accuracy: str) -> None:
-    stages = Stages()
-    write_result(path, result_of(reconstruct(stack, Options(accuracy=accuracy), stages), stages, {}, None))
+def _reconstruct(stack: Stack, path: Path, accuracy: Accuracy) -> None:
+    write_result(path, reconstruct(stack, Options(accuracy=accuracy), n_held_out=0))
 
 
 def capture_text(camera: Camera, n_views: int, pitch: float | None = None) -> str:

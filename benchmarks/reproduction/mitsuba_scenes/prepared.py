@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from analysis.reconstruction.options import Accuracy
 from analysis.registration.grid import Grid
 from analysis.registration.stack import Stack, Truth
 from analysis.results.result import Result
@@ -21,7 +22,7 @@ from benchmarks.reproduction.mitsuba_scenes.views import Camera, captured, novel
 
 Array = NDArray[np.float64]
 
-FINAL = "normal"
+FINAL: Accuracy = "normal"
 """How the reconstruction runs unless someone says otherwise: at most two updates of the geometry."""
 
 PICTURE_BLUR = 0.6
@@ -41,14 +42,14 @@ class Size:
     rendering : Rendering
     pitch_mm : float or None
         Of the maps; None = as fine as the pictures.
-    accuracies : tuple of str
+    accuracies : tuple of Accuracy
         Budgets of the reconstruction, ascending.
     """
 
     scenes: tuple[Scene, ...]
     rendering: Rendering
     pitch_mm: float | None
-    accuracies: tuple[str, ...]
+    accuracies: tuple[Accuracy, ...]
 
 
 QUICK = Size(SCENES[:1], Rendering(Camera(640, 480), samples=8), 0.5, (FINAL,))
@@ -82,7 +83,7 @@ class Prepared:
         """What is true of the stack's pixels."""
         return truth_on(self.scene, self.stack.grid)
 
-    def result(self, accuracy: str = FINAL) -> Result:
+    def result(self, accuracy: Accuracy = FINAL) -> Result:
         """Return the reconstruction."""
         return self.chain.result(self.stack, accuracy)
 

@@ -1,24 +1,25 @@
 import numpy as np
 import pytest
 
-from analysis.evaluation.held_out import LeftOutView, glossy_pixels, leave_out
+from analysis.evaluation.held_out import glossy_pixels, hold_out
 from analysis.reconstruction.reconstruction import Reconstruction
+from analysis.results.summary import HeldOutView
 
 ALL = np.arange(576)
 
 
 @pytest.fixture(scope="module")
-def left_out(reconstruction: Reconstruction) -> tuple[LeftOutView, ...]:
-    return leave_out(reconstruction, np.array([6, 20]), ALL)
+def left_out(reconstruction: Reconstruction) -> tuple[HeldOutView, ...]:
+    return hold_out(reconstruction, np.array([6, 20]), ALL)
 
 
-def test_held_out_views_are_predicted_to_a_few_percent(left_out: tuple[LeftOutView, ...]):
+def test_held_out_views_are_predicted_to_a_few_percent(left_out: tuple[HeldOutView, ...]):
     for view in left_out:
         assert view.n_pixels == 576
         assert view.relative_rms < 0.05
 
 
-def test_on_glossy_pixels_the_dictionary_beats_lambert_by_six_decibels(left_out: tuple[LeftOutView, ...]):
+def test_on_glossy_pixels_the_dictionary_beats_lambert_by_six_decibels(left_out: tuple[HeldOutView, ...]):
     for view in left_out:
         assert view.n_glossy > 50
         assert view.glossy_gain_db >= 6.0
@@ -34,7 +35,7 @@ def test_glossy_are_the_pixels_of_the_glossy_stripes(reconstruction: Reconstruct
 
 
 def test_a_view_that_was_left_out_is_predicted_less_well_than_one_that_was_fitted(
-    reconstruction: Reconstruction, left_out: tuple[LeftOutView, ...]
+    reconstruction: Reconstruction, left_out: tuple[HeldOutView, ...]
 ):
     """Else the view was not left out at all."""
     stack, view = reconstruction.stack, left_out[0].view

@@ -6,7 +6,8 @@ import pytest
 from analysis.pixels.parallax import follow_pixels, parallax_shift
 from analysis.pixels.problem import samples_of
 from analysis.reconstruction.effects import depth_has_settled
-from analysis.reconstruction.reconstruction import Options, Reconstruction, reconstruct
+from analysis.reconstruction.options import Options
+from analysis.reconstruction.reconstruction import Reconstruction, reconstruct
 from analysis.registration.stack import Stack
 from tests.synthetic import make_stack
 
@@ -172,17 +173,19 @@ def test_parallax_can_be_forced_and_says_so(stack: Stack):
 
 def test_the_geometry_is_updated_until_another_update_would_move_nothing(stack: Stack):
     used = np.zeros((24, 24))
-    settled, text = depth_has_settled(stack, used, used + 0.01, follow=False)
+    first = depth_has_settled(stack, used, used + 0.01, False, 1)
+    settled, text = first.value, first.choice.reason
     assert settled
     assert text == f"another would turn directions by {np.rad2deg(0.01 / nearest(stack)):.2g} deg"
-    assert not depth_has_settled(stack, used, used + 1.0, follow=False)[0]
+    assert not depth_has_settled(stack, used, used + 1.0, False, 1).value
 
 
 def test_where_the_views_follow_the_depth_a_shift_of_theirs_asks_for_another_update(stack: Stack):
     used, found = np.zeros((24, 24)), np.full((24, 24), 0.2 * stack.pixel_pitch)
     fine = replace(stack, pixel_pitch=0.01)
-    assert depth_has_settled(fine, used, found, follow=False)[0]
-    settled, text = depth_has_settled(fine, used, found, follow=True)
+    assert depth_has_settled(fine, used, found, False, 1).value
+    followed = depth_has_settled(fine, used, found, True, 1)
+    settled, text = followed.value, followed.choice.reason
     assert not settled
     assert "move the views by" in text
 

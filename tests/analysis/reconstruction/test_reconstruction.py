@@ -6,7 +6,8 @@ import pytest
 from analysis.evaluation.metrics import angular_error_deg, depth_rmse
 from analysis.evaluation.scoring import score, truth_error
 from analysis.light.offset import estimate_light_offset
-from analysis.reconstruction.reconstruction import Options, Reconstruction, reconstruct
+from analysis.reconstruction.options import Options
+from analysis.reconstruction.reconstruction import Reconstruction, reconstruct
 from analysis.reflectance.dictionary import parametric
 from analysis.registration.lighting import LightOffset, light_position, looking_at_centre
 from analysis.registration.stack import Stack
@@ -61,7 +62,7 @@ def test_every_choice_is_recorded_with_its_reason(reconstruction: Reconstruction
     assert set(made) == effects
     assert made["light"] == ("collocated", "0.00 mm from the lens, as the stack says")
     assert all(reason for _, reason in made.values())
-    assert reconstruction.choices[0].as_dict()["effect"] == "light"
+    assert reconstruction.choices[0].effect == "light"
 
 
 def test_the_stages_are_timed(stack: Stack):
@@ -166,18 +167,18 @@ def test_a_camera_that_looks_at_the_centre_has_it_straight_ahead(stack: Stack):
 
 
 def test_the_score_tells_the_error_against_the_truth(reconstruction: Reconstruction):
-    summary = score(reconstruction, n_left_out=2, n_pixels=100)
+    summary = score(reconstruction, n_held_out=2, n_pixels=100)
     error = truth_error(reconstruction)
     assert error is not None
-    assert summary["normal_error_deg"]["mean"] == pytest.approx(error.mean())
-    assert summary["depth_rmse_mm"] == pytest.approx(depth_rmse(reconstruction.depth, reconstruction.stack.truth.depth))
-    assert 0.5 < summary["coverage68"] < 0.9
-    assert summary["coverage68"] < summary["coverage95"] <= 1.0
-    assert summary["n_unsolved"] == 0
-    assert [view["view"] for view in summary["left_out"]] == [10, 30]
+    assert summary.normal_error_deg.mean == pytest.approx(error.mean())
+    assert summary.depth_rmse_mm == pytest.approx(depth_rmse(reconstruction.depth, reconstruction.stack.truth.depth))
+    assert 0.5 < summary.coverage68 < 0.9
+    assert summary.coverage68 < summary.coverage95 <= 1.0
+    assert summary.n_unsolved == 0
+    assert [view.view for view in summary.left_out] == [10, 30]
 
 
 def test_without_a_truth_there_is_no_error_to_tell(reconstruction: Reconstruction):
     blind = replace(reconstruction, stack=replace(reconstruction.stack, truth=None))
     assert truth_error(blind) is None
-    assert "normal_error_deg" not in score(blind, n_left_out=0)
+    assert score(blind, n_held_out=0).normal_error_deg is None

@@ -10,7 +10,8 @@ from analysis.palette.search import PaletteFit, PaletteSearch, find_palette, los
 from analysis.pixels.fits import PixelFits
 from analysis.pixels.problem import Noise, PixelProblem
 from analysis.reconstruction.effects import far_field
-from analysis.reconstruction.reconstruction import Options, Reconstruction, reconstruct
+from analysis.reconstruction.options import Options
+from analysis.reconstruction.reconstruction import Reconstruction, reconstruct
 from analysis.reflectance.dictionary import Dictionary, TabulatedAtom, parametric
 from analysis.reflectance.models import Cosines
 from analysis.reflectance.palette import MAX_MATERIALS, NODES, Palette

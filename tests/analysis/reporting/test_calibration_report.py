@@ -16,7 +16,7 @@ from analysis.reconstruction.error_budget import ErrorBudget
 from analysis.reporting.calibration_checks import calibration_checks
 from analysis.reporting.calibration_figures import calibration_figures
 from analysis.reporting.calibration_report import CalibrationReport, Parameter, write_calibration_page
-from cli.calibration import checks_text
+from analysis.reporting.text import checks_text
 from tests.analysis.calibrations import calibration, camera, facts, radiometry
 
 BUDGET = ErrorBudget({"image noise": 0.02, "light position": 0.05})
@@ -108,7 +108,7 @@ def test_a_failure_is_told_loudly() -> None:
 
 def test_without_files_to_write_every_check_is_told() -> None:
     report = report_of()
-    text = checks_text(report, tell_all=True)
+    text = checks_text(report, all_checks=True)
     assert all(check.name in text for check in report.checks)
 
 

@@ -9,12 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.reconstruction.reconstruction import Options, Reconstruction, reconstruct
+from analysis.evaluation.scoring import score
+from analysis.reconstruction.options import Options
+from analysis.reconstruction.reconstruction import Reconstruction, reconstruct
 from analysis.registration.stack import Stack
 from analysis.registration.stack_file import write_stack
 from analysis.results.points import CLIPPED, UNSEEN, USED, WRONG, PointSamples, point_curve, point_samples, source_stack
 from analysis.results.result import Result, result_of
 from analysis.results.result_file import read_result, write_result
+from analysis.results.summary import SourceFile
 from instrument.files.validation import InvalidInputError
 from tests.synthetic import make_stack
 
@@ -39,7 +42,7 @@ def reconstruction(stack: Stack) -> Reconstruction:
 
 @pytest.fixture(scope="module")
 def result(reconstruction: Reconstruction) -> Result:
-    return result_of(reconstruction, [], {}, None)
+    return result_of(reconstruction, [], score(reconstruction, 0), None)
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +101,7 @@ def test_a_result_keeps_the_views_as_they_were_fitted(result: Result, tmp_path: 
 
 
 def with_source(result: Result, name: str, digest: str) -> Result:
-    return replace(result, summary={"source": {"file": name, "sha256": digest}})
+    return replace(result, summary=replace(result.summary, source=SourceFile(name, digest)))
 
 
 def test_the_stack_is_found_beside_the_result_and_known_by_its_digest(result: Result, stack: Stack, tmp_path: Path):
@@ -116,6 +119,6 @@ def test_the_stack_is_found_beside_the_result_and_known_by_its_digest(result: Re
 
 
 def test_a_result_that_does_not_name_its_stack_is_refused(result: Result, tmp_path: Path):
-    for nameless in (replace(result, summary={"source": []}), replace(with_source(result, "a", "b"), views=None)):
+    for nameless in (result, replace(with_source(result, "a", "b"), views=None)):
         with pytest.raises(InvalidInputError, match="does not say which stack it came from"):
             source_stack(tmp_path / "a.result.h5", nameless)

@@ -5,10 +5,11 @@ import h5py
 import numpy as np
 import pytest
 
-from analysis.evaluation.scoring import truth_error
+from analysis.evaluation.scoring import score, truth_error
 from analysis.palette.materials import group_materials
 from analysis.pixels.fits import PixelFits
-from analysis.reconstruction.reconstruction import Options, Reconstruction, reconstruct
+from analysis.reconstruction.options import Options
+from analysis.reconstruction.reconstruction import Reconstruction, reconstruct
 from analysis.reflectance.dictionary import AnyAtom, Atom, Dictionary, TabulatedAtom
 from analysis.reflectance.models import Cosines
 from analysis.registration.stack import Stack
@@ -28,7 +29,7 @@ def reconstruction(stack: Stack) -> Reconstruction:
 @pytest.fixture(scope="module")
 def result(reconstruction: Reconstruction) -> Result:
     stages = [Stage("depth", 0.5, 100.0)]
-    return result_of(reconstruction, stages, {"n_views": 40}, truth_error(reconstruction))
+    return result_of(reconstruction, stages, score(reconstruction, 2), truth_error(reconstruction))
 
 
 @pytest.fixture

@@ -10,12 +10,15 @@ import pytest
 from PySide6.QtCore import QPointF, Qt
 from pytestqt.qtbot import QtBot
 
-from analysis.reconstruction.reconstruction import Options, reconstruct
+from analysis.evaluation.scoring import score
+from analysis.reconstruction.options import Options
+from analysis.reconstruction.reconstruction import reconstruct
 from analysis.registration.stack import Stack
 from analysis.registration.stack_file import write_stack
 from analysis.results.points import USED, point_curve, point_samples
 from analysis.results.result import Result, result_of
 from analysis.results.result_file import read_result, write_result
+from analysis.results.summary import SourceFile
 from benchmarks.common.scenes import relief
 from benchmarks.speed.watchdog import Watchdog
 from gui.result.tab import RELIT, TITLES, ResultTab
@@ -37,9 +40,12 @@ def path(stack: Stack, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("results")
     write_stack(folder / "relief.stack.h5", stack)
     digest = hashlib.sha256((folder / "relief.stack.h5").read_bytes()).hexdigest()
-    summary = {"source": {"file": "relief.stack.h5", "sha256": digest}}
+    source = SourceFile("relief.stack.h5", digest)
     reconstruction = reconstruct(stack, Options(palette="off"))
-    write_result(folder / "relief.result.h5", result_of(reconstruction, [], summary, None))
+    write_result(
+        folder / "relief.result.h5",
+        result_of(reconstruction, [], replace(score(reconstruction, 0), source=source), None),
+    )
     return folder / "relief.result.h5"
 
 

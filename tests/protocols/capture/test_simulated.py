@@ -38,10 +38,10 @@ rings = [{ tilt_deg = 0.0, count = 1 }, { tilt_deg = 25.0, count = 3, start_deg 
 
 KILLED_CAPTURE = """
 import os, signal, sys
-from instrument import layout
-from instrument.config import load_protocol, load_rig
-from instrument.recorder import Recorder
-from protocols.engine import Finish, Progress, capture, resume
+from instrument.session import layout
+from instrument.config.loading import load_protocol, load_rig
+from instrument.session.recorder import Recorder
+from protocols.capture.engine import Finish, Progress, capture, resume
 
 write, doomed = Recorder._write, getattr(layout, sys.argv[4])
 
