@@ -79,7 +79,7 @@ def main(arguments: list[str] | None = None) -> Any:
 
 def _n_abandoned() -> int:
     # Only a command that recorded has imported it.
-    recorder = sys.modules.get("instrument.session.recorder")
+    recorder = sys.modules.get("instrument.recording.recorder")
     return 0 if recorder is None else int(recorder.n_abandoned())
 
 

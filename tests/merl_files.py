@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.reflectance import models
 from analysis.reflectance.atoms import published
-from analysis.reflectance.merl import MerlBrdf, cell_angles, write_merl
+from analysis.reflectance.merl import SCALES, SHAPE, UNMEASURED, MerlBrdf, cell_angles
 from analysis.reflectance.models import cosines_from_angles
 
 
@@ -17,7 +18,7 @@ def merl_brdf(row: int) -> MerlBrdf:
     theta_h, theta_d, phi_d = cell_angles()
     cosines, above = cosines_from_angles(theta_h[:, None, None], theta_d[:, None], phi_d)
     value = np.moveaxis(models.sgd(cosines, published("sgd")[row]), -1, 0)
-    return MerlBrdf.from_brdf(np.where(above, value, np.nan))
+    return merl_of(np.where(above, value, np.nan))
 
 
 def write_materials(folder: Path, **rows: int) -> Path:
@@ -26,3 +27,16 @@ def write_materials(folder: Path, **rows: int) -> Path:
     for name, row in rows.items():
         write_merl(folder / f"{name.replace('_', '-')}.binary", merl_brdf(row))
     return folder
+
+
+def merl_of(value: NDArray[np.float64]) -> MerlBrdf:
+    """Take a BRDF in 1/sr, shape (3, 90, 90, 180); NaN = not measured."""
+    stored = value / SCALES[:, None, None, None]
+    return MerlBrdf(np.where(np.isnan(stored), UNMEASURED, stored))
+
+
+def write_merl(path: Path, brdf: MerlBrdf) -> None:
+    """Write a new `.binary` file, as MERL's are."""
+    with path.open("xb") as file:
+        file.write(np.array(SHAPE, "<i4").tobytes())
+        file.write(brdf.stored.astype("<f8", copy=False).tobytes())

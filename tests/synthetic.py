@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -121,3 +123,13 @@ def _looking_down(camera: Array) -> Array:
     right = np.cross(forward, [0.0, 1.0, 0.3])
     right /= np.linalg.norm(right, axis=1, keepdims=True)
     return np.stack([right, np.cross(forward, right), forward], axis=1)
+
+
+def with_views(stack: Stack, views: NDArray[np.int64]) -> Stack:
+    """Return the stack of these views only, in this order."""
+    of_views = (
+        "radiance", "camera_position", "light_position", "light_power", "variance", "saturated",
+        "camera_rotation", "light_power_sigma", "registration_sigma",
+    )  # fmt: skip
+    values = {name: getattr(stack, name) for name in of_views}
+    return replace(stack, **{name: value[views] for name, value in values.items() if value is not None})

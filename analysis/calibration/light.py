@@ -65,7 +65,7 @@ def find_light(
     """
     nominal = stated(session)
     views, footprint = views_of(camera), footprint_mm(camera)
-    white = WhitePoints.beside(session.boards, camera.bundle.state.layout, legacy, nominal.area_mm, footprint)
+    white = WhitePoints.beside(session.nominal.boards, camera.bundle.state.layout, legacy, nominal.area_mm, footprint)
     scout = _scout_grid(nominal.area_mm, footprint)
     on_scout, on_white = [], []
     for i, view in track(list(zip(i_pose, views, strict=True))):

@@ -38,7 +38,11 @@ def stated(session: Session) -> Stated:
         With everything that an import left out and how to state it.
     """
     raise_if_any(f"{session.path} cannot be calibrated.", _missing(session))
-    area, offset, sigma = session.area_mm, session.light_offset_mm, session.light_offset_sigma_mm
+    area, offset, sigma = (
+        session.nominal.area_mm,
+        session.nominal.light_offset_mm,
+        session.nominal.light_offset_sigma_mm,
+    )
     assert area is not None
     assert offset is not None
     assert sigma is not None
@@ -47,12 +51,12 @@ def stated(session: Session) -> Stated:
 
 def _missing(session: Session) -> Iterator[Problem]:
     needed = {
-        "area_mm": (session.area_mm, "state [area] width_mm and height_mm"),
-        "light_offset_mm": (session.light_offset_mm, "state [light] offset_mm"),
-        "light_offset_sigma_mm": (session.light_offset_sigma_mm, "state [light] offset_sigma_mm"),
+        "area_mm": (session.nominal.area_mm, "state [area] width_mm and height_mm"),
+        "light_offset_mm": (session.nominal.light_offset_mm, "state [light] offset_mm"),
+        "light_offset_sigma_mm": (session.nominal.light_offset_sigma_mm, "state [light] offset_sigma_mm"),
     }
     for name, (value, remedy) in needed.items():
         if value is None:
             yield Problem(name, f"is not stated; {remedy} in capture.toml and import again")
-    if not session.boards:
+    if not session.nominal.boards:
         yield Problem("boards", "there are none; state [[boards]] in capture.toml and import again")

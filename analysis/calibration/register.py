@@ -60,7 +60,7 @@ def register(session: Session, path: Path, pitch: float | None = None, stages: S
     assert calibration.lighting is not None
     with stages.measure("registration"):
         as_fine_as_seen = round(GRID_PER_PIXEL * footprint_mm(calibration.camera), 3)
-        grid = Grid.covering(nominal.area_mm, pitch or session.pixel_pitch_mm or as_fine_as_seen)
+        grid = Grid.covering(nominal.area_mm, pitch or session.nominal.pixel_pitch_mm or as_fine_as_seen)
         notes = {"calibration": json.dumps(calibration.as_dict()), "session_digest": session.digest()}
         _write_registered(frames, calibration, calibration.camera, calibration.lighting, grid, path, notes, stages)
     return calibration

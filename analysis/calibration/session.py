@@ -120,7 +120,7 @@ def calibrate_session(session: Session, frames: MergedFrames, stages: Stages) ->
     """
     camera, boards, i_pose = None, None, np.zeros(0, np.int64)
     dropped: tuple[str, ...] = ()
-    if session.boards:
+    if session.nominal.boards:
         with stages.measure("boards"):
             found = _find_boards(session, frames, stages)
         usable = usable_views(found)
@@ -129,21 +129,23 @@ def calibrate_session(session: Session, frames: MergedFrames, stages: Stages) ->
         )
         with stages.measure("camera"):
             corners = [c for c, ok in zip(found, usable, strict=True) if ok]
-            nominal = BoardLayout.nominal(session.boards)
-            camera = calibrate_camera(corners, frames.image_size, nominal, session.focal_length_px, _known(session))
+            nominal = BoardLayout.nominal(session.nominal.boards)
+            camera = calibrate_camera(
+                corners, frames.image_size, nominal, session.nominal.focal_length_px, _known(session)
+            )
         boards = board_findings(camera.bundle, nominal, frozenset.union(frozenset(), *(c.legacy for c in corners)))
         i_pose = frames.i_pose[usable]
     with stages.measure("light"):
         flat = _flat_field(session, frames, camera)
         lighting = None
-        if camera is not None and boards is not None and session.area_mm is not None:
+        if camera is not None and boards is not None and session.nominal.area_mm is not None:
             lighting = find_light(session, frames, i_pose, camera, boards.legacy, flat, stages.track)
     return Calibration(frames.findings, flat, camera, boards, lighting, i_pose, dropped)
 
 
 def _known(session: Session) -> Lens | None:
     """Return the intrinsics that somebody stated; those that come from the pictures are better if there are enough."""
-    matrix, distortion = session.nominal_camera_matrix, session.nominal_distortion
+    matrix, distortion = session.nominal.camera_matrix, session.nominal.distortion
     few = int(session.pose_complete.sum()) < MIN_VIEWS
     if matrix is None or not few:
         return None
@@ -151,8 +153,8 @@ def _known(session: Session) -> Lens | None:
 
 
 def _flat_field(session: Session, frames: MergedFrames, camera: CameraCalibration | None) -> FlatField | None:
-    offset = np.zeros(3) if session.light_offset_mm is None else session.light_offset_mm
-    focal_length = session.focal_length_px if camera is None else float(camera.camera_matrix[0, 0])
+    offset = np.zeros(3) if session.nominal.light_offset_mm is None else session.nominal.light_offset_mm
+    focal_length = session.nominal.focal_length_px if camera is None else float(camera.camera_matrix[0, 0])
     # Without any, a field of view of 60 deg: of the card only the product over the picture is wanted then.
     return session_flat_field(frames, focal_length or 0.87 * max(frames.image_size), offset)
 
@@ -168,8 +170,8 @@ def _first_lens(session: Session, frames: MergedFrames, stages: Stages) -> Lens 
     found = [c for i in stages.track(picked.tolist()) if usable_views([c := _detect(session, frames, int(i), None)])[0]]
     if len(found) < MIN_VIEWS:
         return None
-    layout = BoardLayout.nominal(session.boards)
-    return calibrate_camera(found, frames.image_size, layout, session.focal_length_px).bundle.state.lens
+    layout = BoardLayout.nominal(session.nominal.boards)
+    return calibrate_camera(found, frames.image_size, layout, session.nominal.focal_length_px).bundle.state.lens
 
 
 def _detect(session: Session, frames: MergedFrames, i_pose: int, lens: Lens | None) -> BoardCorners:
@@ -177,4 +179,4 @@ def _detect(session: Session, frames: MergedFrames, i_pose: int, lens: Lens | No
     picture = np.where(merged.saturated, np.float32(np.nan), merged.mean)
     # Boards are black and white: the mean of the colours shows them with the least noise.
     grey = picture.mean(axis=-1) if picture.ndim == 3 else picture
-    return detect_corners(grey, frames.bayer_pattern, session.boards, lens)
+    return detect_corners(grey, frames.bayer_pattern, session.nominal.boards, lens)

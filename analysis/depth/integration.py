@@ -8,7 +8,7 @@ s being the slope along the pair and c its second difference about a pixel: the 
 cubic through four slopes (of the parabola through three where only one end knows its c, else the trapezoid).
 
 On a full rectangle with equal weights the normal equations are a Poisson equation with Neumann borders, which
-the cosine transform makes diagonal [frankot1988, simchony1990]. Holes, weights and known heights are left to
+the cosine transform makes diagonal [frankot1988, simchony1990]. Holes and weights are left to
 `analysis.depth.multigrid`.
 """
 
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.fft import dctn, idctn
 
-from analysis.depth.discontinuities import solve_robustly
 from analysis.depth.multigrid import PairSystem
 
 Array = NDArray[np.float64]
@@ -37,7 +36,7 @@ Below a fifth of the median the systematic errors, which no stated sigma holds, 
 1e-4 already keeps a wrong normal from bending its neighbours."""
 
 UNSTATED_SIGMA = 0.01
-"""Of a normal, rad, against which ties are weighed where no sigma is given."""
+"""Of a normal, rad, where no sigma is given."""
 
 TRUSTED_RATIO = 3.0
 """A slope less certain than this, relative to the pair's own, has no say in the pair's curvature term."""
@@ -52,9 +51,6 @@ def integrate_normals(
     tolerance: float = 1e-6,
     *,
     sigma: Array | None = None,
-    ties: Array | None = None,
-    ties_sigma: float = 0.01,
-    discontinuities: bool = False,
 ) -> Array:
     """Integrate a normal map.
 
@@ -65,32 +61,24 @@ def integrate_normals(
     pitch : float
         Size of a pixel, mm.
     tolerance : float
-        Of the iteration's residual; unused by the direct solution (no hole, sigma, tie or discontinuity).
+        Of the iteration's residual; unused by the direct solution (no hole, no sigma).
     sigma : ndarray, shape (height, width), or None
         One standard deviation of a normal per tangent axis, rad; NaN = hole. A pair weighs as the inverse
         variance of its slope, within the range of `SIGMA_FLOOR` and `SIGMA_CAP`. None = all weigh the same.
-    ties : ndarray, shape (height, width), or None
-        Known heights in mm, NaN = unknown; they count where there is a normal.
-    ties_sigma : float
-        One standard deviation of each of these heights, mm.
-    discontinuities : bool
-        Let the surface step where its slopes contradict each other (`analysis.depth.discontinuities`).
 
     Returns
     -------
     ndarray, shape (height, width)
         Depth in mm, NaN in holes. Parts that holes cut off from each other have no height against each
-        other: each has mean 0, or the height that its own ties give it.
+        other: each has mean 0.
 
     Raises
     ------
     ValueError
-        If `sigma` or `ties` have another shape than the map, or `ties_sigma` is not positive.
+        If `sigma` has another shape than the map.
     """
     p, q, valid = slopes_from_normals(normals)
-    return integrate_slopes(
-        p, q, valid, pitch, tolerance, sigma=sigma, ties=ties, ties_sigma=ties_sigma, discontinuities=discontinuities
-    )
+    return integrate_slopes(p, q, valid, pitch, tolerance, sigma=sigma)
 
 
 def slopes_from_normals(normals: Array) -> tuple[Array, Array, Mask]:
@@ -121,43 +109,26 @@ def integrate_slopes(
     tolerance: float = 1e-6,
     *,
     sigma: Array | None = None,
-    ties: Array | None = None,
-    ties_sigma: float = 0.01,
-    discontinuities: bool = False,
 ) -> Array:
     """Integrate slopes dz/dx (`p`) and dz/dy (`q`), each of shape (height, width), known where `valid`.
 
     The rest is as in `integrate_normals`.
     """
-    _raise_unless_fitting(p.shape, sigma, ties, ties_sigma)
+    if sigma is not None and sigma.shape != p.shape:
+        raise ValueError(f"sigma has shape {sigma.shape}; the map has {p.shape}. Give one value for each pixel.")
     if sigma is not None:
         valid = valid & np.isfinite(sigma)
     if not valid.any():
         return np.full(p.shape, np.nan)
-    if sigma is None and ties is None and not discontinuities and valid.all():
+    if sigma is None and valid.all():
         return _solve_poisson(_full_right_side(p, q, pitch))
     v_p, v_q = _slope_variances(p, q, valid, sigma)
     # A pair weighs as though its noise were its own. It shares each slope with the next pair, so that is the
     # variance which makes a long path as uncertain as it is: a slope's for each pair, not half of it.
-    g_x, w_x = _pairs(p, v_p, pitch, along_rows=True, curved=not discontinuities)
-    g_y, w_y = _pairs(q, v_q, pitch, along_rows=False, curved=not discontinuities)
-    heights = np.full(p.shape, np.nan) if ties is None else ties
-    known = valid & np.isfinite(heights)
-    t, h = np.where(known, 1.0 / ties_sigma**2, 0.0), np.where(known, heights, 0.0)
-    if discontinuities:
-        z = solve_robustly(g_x, g_y, w_x, w_y, t, h, pitch, tolerance)
-    else:
-        system = PairSystem(w_x, w_y, t)
-        z = system.solve(system.right_side(g_x, g_y, h), tolerance)
-    return _with_means_removed(z, valid, known)
-
-
-def _raise_unless_fitting(shape: tuple[int, ...], sigma: Array | None, ties: Array | None, ties_sigma: float) -> None:
-    for name, given in (("sigma", sigma), ("ties", ties)):
-        if given is not None and given.shape != shape:
-            raise ValueError(f"{name} has shape {given.shape}; the map has {shape}. Give one value for each pixel.")
-    if not ties_sigma > 0.0:
-        raise ValueError(f"ties_sigma is {ties_sigma} mm; it must be positive. State how well the heights are known.")
+    g_x, w_x = _pairs(p, v_p, pitch, along_rows=True)
+    g_y, w_y = _pairs(q, v_q, pitch, along_rows=False)
+    system = PairSystem(w_x, w_y)
+    return _with_means_removed(system.solve(system.right_side(g_x, g_y), tolerance), valid)
 
 
 def _slope_variances(p: Array, q: Array, valid: Mask, sigma: Array | None) -> tuple[Array, Array]:
@@ -174,14 +145,14 @@ def _slope_variances(p: Array, q: Array, valid: Mask, sigma: Array | None) -> tu
     return variance * steepness * (1.0 + p * p), variance * steepness * (1.0 + q * q)
 
 
-def _pairs(s: Array, variance: Array, pitch: float, along_rows: bool, curved: bool) -> tuple[Array, Array]:
+def _pairs(s: Array, variance: Array, pitch: float, along_rows: bool) -> tuple[Array, Array]:
     """Return increments and weights (1 / mm^2) of all pairs, each of shape (height, width)."""
     g, w = np.zeros_like(s), np.zeros_like(s)
     # y grows upwards, rows downwards.
     if along_rows:
-        _weigh_pairs(s, variance, pitch, 0, 1, curved, g, w)
+        _weigh_pairs(s, variance, pitch, 0, 1, g, w)
     else:
-        _weigh_pairs(s, variance, -pitch, 1, 0, curved, g, w)
+        _weigh_pairs(s, variance, -pitch, 1, 0, g, w)
     return g, w
 
 
@@ -192,7 +163,7 @@ def _mean_slope(a: float, b: float, c: float, n_c: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _weigh_pairs(s: Array, variance: Array, step: float, di: int, dj: int, curved: bool, g: Array, w: Array) -> None:
+def _weigh_pairs(s: Array, variance: Array, step: float, di: int, dj: int, g: Array, w: Array) -> None:
     # Scalars only go into helpers: an array would be reference-counted at every pixel, six times the time.
     height, width = s.shape
     for i in range(height - di):
@@ -201,7 +172,7 @@ def _weigh_pairs(s: Array, variance: Array, step: float, di: int, dj: int, curve
             v_a, v_b = variance[i, j], variance[i + di, j + dj]
             if not v_a + v_b > 0.0:  # a NaN: one of them is a hole
                 continue
-            trusted = TRUSTED_RATIO**2 * max(v_a, v_b) if curved else -1.0
+            trusted = TRUSTED_RATIO**2 * max(v_a, v_b)
             c, n_c = 0.0, 0
             if i >= di and j >= dj and variance[i - di, j - dj] <= trusted:
                 c, n_c = c + s[i - di, j - dj] - 2.0 * a + b, n_c + 1
@@ -244,9 +215,8 @@ def _solve_poisson(right_side: Array) -> Array:
     return np.asarray(idctn(spectrum, norm="ortho", workers=THREADS, overwrite_x=True))
 
 
-def _with_means_removed(z: Array, valid: Mask, known: Mask) -> Array:
-    """Give each connected part that has no known height the mean 0, and holes NaN."""
+def _with_means_removed(z: Array, valid: Mask) -> Array:
+    """Give each connected part the mean 0, and holes NaN."""
     parts, n_parts = ndimage.label(valid)
     means = np.bincount(parts.ravel(), z.ravel(), n_parts + 1) / np.maximum(np.bincount(parts.ravel()), 1)
-    means[parts[known]] = 0.0
     return np.where(valid, z - means[parts], np.nan)

@@ -1,10 +1,10 @@
 """Least squares over pairs of neighbours: conjugate gradients that one multigrid cycle preconditions.
 
-For heights z on a grid, increments g along pairs, weights w of the pairs and t of known heights h,
+For heights z on a grid, increments g along pairs and weights w of the pairs,
 
-    sum w (z_b - z_a - g)^2 + sum t (z - h)^2
+    sum w (z_b - z_a - g)^2
 
-is least where A z = D^T w g + t h, A = D^T w D + t. A coarser level joins 2 x 2 pixels into one: its pairs are
+is least where A z = D^T w g, A = D^T w D. A coarser level joins 2 x 2 pixels into one: its pairs are
 the sums of the fine pairs that cross between blocks, so holes and contrasts of the weights come along by
 themselves. Steps of a piecewise constant correction are twice too stiff in two dimensions; halving the coarse
 weights makes up for it [braess1995]. The smoother is red-black Gauss-Seidel, mirrored after the correction so
@@ -38,15 +38,12 @@ class Level:
     ----------
     w_x, w_y : ndarray, shape (height, width)
         Weight of the pair with the pixel to the right, and below; 0 in the last column, or row.
-    t : ndarray, shape (height, width)
-        Weight of the known height.
     diagonal, inverse : ndarray, shape (height, width)
         Diagonal of A, and one over it (0 where a pixel has no weight at all).
     """
 
     w_x: Array
     w_y: Array
-    t: Array
     diagonal: Array
     inverse: Array
 
@@ -54,9 +51,9 @@ class Level:
 class PairSystem:
     """A z = b, ready to be solved for right-hand sides b of shape (height, width)."""
 
-    def __init__(self, w_x: Array, w_y: Array, t: Array) -> None:
-        levels = [_level(w_x, w_y, t)]
-        while levels[-1].t.size > SMALLEST_LEVEL:
+    def __init__(self, w_x: Array, w_y: Array) -> None:
+        levels = [_level(w_x, w_y)]
+        while levels[-1].w_x.size > SMALLEST_LEVEL:
             levels.append(_coarser(levels[-1]))
         self.levels = levels
         self._coarsest = np.linalg.pinv(_dense(levels[-1]), rcond=1e-12, hermitian=True)
@@ -64,7 +61,7 @@ class PairSystem:
     def solve(self, b: Array, tolerance: float) -> Array:
         """Return z; `tolerance` is that of the preconditioned residual's norm, relative to the one at z = 0.
 
-        What the weights leave free (the mean of a part that no height ties) is arbitrary. After
+        What the weights leave free, the mean of each part, is arbitrary. After
         `MAX_ITERATIONS` it is the best so far.
         """
         zero = np.zeros_like(b)
@@ -84,11 +81,11 @@ class PairSystem:
             r += alpha * q
         return z
 
-    def right_side(self, g_x: Array, g_y: Array, h: Array) -> Array:
-        """Return b = D^T w g + t h; `h` is finite also where t is 0."""
+    def right_side(self, g_x: Array, g_y: Array) -> Array:
+        """Return b = D^T w g."""
         level = self.levels[0]
         a_x, a_y = level.w_x * g_x, level.w_y * g_y
-        b = level.t * h - a_x - a_y
+        b = -a_x - a_y
         b[:, 1:] += a_x[:, :-1]
         b[1:] += a_y[:-1]
         return np.asarray(b)
@@ -113,12 +110,12 @@ class PairSystem:
         return z
 
 
-def _level(w_x: Array, w_y: Array, t: Array) -> Level:
-    diagonal = w_x + w_y + t
+def _level(w_x: Array, w_y: Array) -> Level:
+    diagonal = w_x + w_y
     diagonal[:, 1:] += w_x[:, :-1]
     diagonal[1:] += w_y[:-1]
     inverse = np.where(diagonal > 0.0, 1.0 / np.where(diagonal > 0.0, diagonal, 1.0), 0.0)
-    return Level(w_x, w_y, t, diagonal, inverse)
+    return Level(w_x, w_y, diagonal, inverse)
 
 
 def _coarser(fine: Level) -> Level:
@@ -126,11 +123,11 @@ def _coarser(fine: Level) -> Level:
     w_x, w_y = fine.w_x.copy(), fine.w_y.copy()
     w_x[:, ::2] = 0.0
     w_y[::2] = 0.0
-    return _level(OVERCORRECTION * _block_sums(w_x), OVERCORRECTION * _block_sums(w_y), _block_sums(fine.t))
+    return _level(OVERCORRECTION * _block_sums(w_x), OVERCORRECTION * _block_sums(w_y))
 
 
 def _dense(level: Level) -> Array:
-    height, width = level.t.shape
+    height, width = level.w_x.shape
     index = np.arange(height * width).reshape(height, width)
     A = np.diag(level.diagonal.ravel())
     for a, b, w in (

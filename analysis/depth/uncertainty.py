@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from analysis.depth.integration import _raise_unless_fitting, integrate_slopes
+from analysis.depth.integration import integrate_slopes
 
 Array = NDArray[np.float64]
 
@@ -21,8 +21,6 @@ def depth_sigma(
     n_draws: int = 32,
     *,
     weighted: bool = False,
-    ties: Array | None = None,
-    ties_sigma: float = 0.01,
 ) -> Array:
     """Propagate the normals' noise through the integration by drawing from it.
 
@@ -42,56 +40,30 @@ def depth_sigma(
         More draws make the map smoother: its own relative error is about 1 / sqrt(2 n_draws).
     weighted : bool
         Whether `normal_sigma` also weighs the integration, as `sigma` of `integrate_normals`.
-    ties, ties_sigma
-        As in `integrate_normals`.
 
     Returns
     -------
     ndarray, shape (height, width)
         One standard deviation of depth, mm; NaN in holes.
-
-    Raises
-    ------
-    ValueError
-        If `ties` have another shape than the map, or `ties_sigma` is not positive.
     """
-    _raise_unless_fitting(normal_sigma.shape, None, ties, ties_sigma)
     valid = np.isfinite(normal_sigma)
     if not valid.any():
         return np.full(normal_sigma.shape, np.nan)
     block = -(-max(normal_sigma.shape) // LARGEST_DRAWN)
     sigma = _sigma_of_block_means(normal_sigma, block)
-    tied = None
-    if ties is not None and np.any(known := valid & np.isfinite(ties)):
-        tied = _sigma_of_block_means(np.where(known, ties_sigma, np.nan), block)
-    variance = _drawn_variance(sigma, block * pitch, rng, n_draws, weighted, tied)
+    variance = _drawn_variance(sigma, block * pitch, rng, n_draws, weighted)
     if block > 1:
         variance = _refined(variance, block, normal_sigma.shape)
         variance += np.log(block) / (2.0 * np.pi) * (pitch * normal_sigma) ** 2
     return np.where(valid, np.sqrt(variance), np.nan)
 
 
-def _drawn_variance(
-    sigma: Array, pitch: float, rng: np.random.Generator, n_draws: int, weighted: bool, tied: Array | None
-) -> Array:
+def _drawn_variance(sigma: Array, pitch: float, rng: np.random.Generator, n_draws: int, weighted: bool) -> Array:
     valid, total = np.isfinite(sigma), np.zeros(sigma.shape)
     spread = np.where(valid, sigma, 0.0)
     for _ in range(n_draws):
         p, q = spread * rng.standard_normal((2, *sigma.shape))
-        heights = None if tied is None else tied * rng.standard_normal(tied.shape)
-        total += (
-            integrate_slopes(
-                p,
-                q,
-                valid,
-                pitch,
-                1e-3,
-                sigma=sigma if weighted else None,
-                ties=heights,
-                ties_sigma=1.0 if tied is None else float(np.nanmedian(tied)),
-            )
-            ** 2
-        )
+        total += integrate_slopes(p, q, valid, pitch, 1e-3, sigma=sigma if weighted else None) ** 2
     return total / n_draws
 
 

@@ -178,14 +178,6 @@ def square_view(focal_length_px: float, image_size: tuple[int, int], distance_mm
     return View(matrix, np.zeros(5), np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, distance_mm]))
 
 
-def prediction_error(field: FlatField, picture: PlanePicture) -> float:
-    """Return the relative RMS by which a plane differs from what a flat field predicts, its own power aside."""
-    samples = plane_samples([picture])
-    shading = _log_shading(samples, field.light_offset)[0]
-    residual = samples.log_radiance - shading - np.log(field.gain_at(samples.pixel, samples.in_camera))
-    return float(np.std(residual - np.median(residual)))
-
-
 def _pose_problems(views: list[View]) -> list[Problem]:
     """Say why views of a plane cannot tell vignetting and lobe apart."""
     if len(views) < LEAST_PICTURES:
@@ -288,10 +280,10 @@ def session_flat_field(frames: MergedFrames, focal_length_px: float, light_offse
     InvalidInputError
         If the cards cannot be used, with the reasons.
     """
-    times = frames.session.flat_times
+    times = frames.session.extra.flat_times
     if len(times) == 0:
         return None
-    distances = frames.session.flat_distances_mm
+    distances = frames.session.extra.flat_distances_mm
     if not np.isfinite(distances).all():
         what = f"{int(np.sum(~np.isfinite(distances)))} of {len(distances)} have no distance; state it in mm"
         raise InvalidInputError("The flat field cannot be found.", [Problem("flats", what)])
@@ -301,5 +293,5 @@ def session_flat_field(frames: MergedFrames, focal_length_px: float, light_offse
 
 
 def _card(frames: MergedFrames, i: int, time: float, distance_mm: float, focal_length_px: float) -> PlanePicture:
-    picture = frames.single(frames.session.flat_images(i), float(time))
+    picture = frames.single(frames.session.extra.flat_images(i), float(time))
     return PlanePicture(f"flats/{i}", picture, square_view(focal_length_px, frames.image_size, float(distance_mm)))

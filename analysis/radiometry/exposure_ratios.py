@@ -168,6 +168,8 @@ def _ratio(x: Array, y: Array, trusted: Array, nominal: float, sensor: Sensor) -
         variance = (var_y + r * r * var_x)[use]
         r, c, covariance = _instrumental_fit(x[use], y[use], best[use], variance, r, c, black_sigma)
     ratio_sigma, shift_sigma = np.sqrt(np.diag(covariance))
+    if r == 1.0:  # the same black in both: they say nothing of its error
+        return r, ratio_sigma, n, 0.0, np.inf
     return r, ratio_sigma, n, c / (1.0 - r), shift_sigma / abs(1.0 - r)
 
 

@@ -61,10 +61,10 @@ class MergedFrames:
         keep = self.session.frame_ok[i_pose]
         times = (self.session.exposure_readback[i_pose] * self.radiometry.time_factors)[keep]
         merged = merge_linear(self.session.frames(i_pose)[keep], times, self.radiometry, keep)
-        ambient = self.session.ambient(i_pose)
+        ambient = self.session.extra.ambient(i_pose)
         if ambient is None:
             return merged
-        time = float(self.session.ambient_times[i_pose])
+        time = float(self.session.extra.ambient_times[i_pose])
         return less_ambient(merged, self.single(ambient, time))
 
     def single(self, frame: NDArray[Any], exposure_time: float) -> Radiance:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.radiometry.hdr import Sensor
-from instrument.files.validation import InvalidInputError, Problem, raise_if_any
+from instrument.files.validation import Problem, raise_if_any
 
 Array = NDArray[np.float64]
 
@@ -70,25 +70,6 @@ class Response:
         slope = np.gradient(curve, axis=1).mean(axis=0) * COUNT_SIGMA
         gain = float(curve[:, n_levels // 2].mean() / slope[n_levels // 2] ** 2)
         return Sensor(curve[:, self.highest], gain, float(slope[self.lowest]) * gain, step=0.0)
-
-
-def srgb_response() -> Response:
-    """Return the curve of sRGB (IEC 61966-2-1)."""
-    return table_response(srgb(np.arange(N_LEVELS)))
-
-
-def gamma_response(gamma: float) -> Response:
-    """Return a power law.
-
-    Raises
-    ------
-    InvalidInputError
-        If the exponent is not between 1 and 4.
-    """
-    if not 1.0 <= gamma <= 4.0:
-        problem = Problem("gamma", f"is {gamma:g}; allowed is 1 (linear) to 4, and 2.2 is usual")
-        raise InvalidInputError(_TITLE, [problem])
-    return table_response((np.arange(N_LEVELS) / (N_LEVELS - 1)) ** gamma)
 
 
 def table_response(table: Array) -> Response:

@@ -81,12 +81,12 @@ def survey(session: Session) -> Radiometry:
 
 def _response(session: Session) -> tuple[Response | None, float, tuple[PicturePrediction, ...]]:
     """Return the curve that a session has, or the one that its bracket gives with what that says of itself."""
-    given, times = session.response, session.response_times
+    given, times = session.nominal.response, session.extra.response_times
     if given is not None:
         return table_response(np.asarray(given, np.float64)), np.nan, ()
     if len(times) == 0:
         return None, np.nan, ()
-    pictures = np.stack([session.response_images(i) for i in range(len(times))])
+    pictures = np.stack([session.extra.response_images(i) for i in range(len(times))])
     if pictures.max() > np.iinfo(np.uint8).max:
         problem = Problem("response pictures", f"have counts up to {pictures.max()}; a curve is found for 8-bit ones")
         raise InvalidInputError("The response curve cannot be found.", [problem])
@@ -100,7 +100,7 @@ def _nominal_black(session: Session, response: Response | None, first: NDArray[A
     shape = cell_shape(first)
     if response is not None:
         return np.zeros(shape)
-    cell = session.black_level_cell
+    cell = session.nominal.black_level_cell
     return np.full(shape, session.camera.black_level) if cell is None else np.asarray(cell, np.float64)
 
 

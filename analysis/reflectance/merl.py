@@ -52,12 +52,6 @@ class MerlBrdf:
 
     stored: Array
 
-    @classmethod
-    def from_brdf(cls, value: Array) -> MerlBrdf:
-        """Take a BRDF in 1/sr, shape (3, 90, 90, 180); NaN = not measured."""
-        stored = value / SCALES[:, None, None, None]
-        return cls(np.where(np.isnan(stored), UNMEASURED, stored))
-
     @property
     def measured(self) -> NDArray[np.bool_]:
         """Which cells were measured, shape (3, 90, 90, 180)."""
@@ -98,19 +92,6 @@ def _nearest(missing: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return the indices, shape (2, n_h, n_d), of the nearest cell that is not missing."""
     found = distance_transform_edt(missing, sampling=(_ACROSS, 1.0), return_distances=False, return_indices=True)
     return np.asarray(found, np.int64)
-
-
-def write_merl(path: Path, brdf: MerlBrdf) -> None:
-    """Write a new `.binary` file.
-
-    Raises
-    ------
-    FileExistsError
-        If there is a file already.
-    """
-    with path.open("xb") as file:
-        file.write(np.array(SHAPE, "<i4").tobytes())
-        file.write(brdf.stored.astype("<f8", copy=False).tobytes())
 
 
 def read_merl(path: Path) -> MerlBrdf:

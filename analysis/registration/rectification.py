@@ -52,7 +52,6 @@ def rectify(
     view: View,
     points: Array,
     pitch: float,
-    hidden: NDArray[np.bool_] | None = None,
 ) -> Rectified:
     """Resample a picture onto `points`, which may be any rows of a grid: blocks give the same bits as the whole.
 
@@ -67,8 +66,6 @@ def rectify(
         Sample frame, mm.
     pitch : float
         Size of a grid pixel, mm.
-    hidden : ndarray of bool, shape (rows, columns), or None
-        Points that the surface itself hides from the camera or the light; they come out NaN.
 
     Raises
     ------
@@ -87,12 +84,9 @@ def rectify(
         _planes(mean), _planes(signed), cell, flat, float(pitch), *view.parameters
     )
     on_grid = (*points.shape[:2], -1)
-    out = Rectified(
+    return Rectified(
         radiance.reshape(on_grid), noise.reshape(on_grid), clipped.reshape(on_grid), pixels.reshape(on_grid)
     )
-    if hidden is not None:
-        out.radiance[hidden], out.variance[hidden], out.saturated[hidden] = np.nan, np.nan, 0
-    return out
 
 
 def _planes(picture: NDArray[np.float32]) -> NDArray[np.float32]:

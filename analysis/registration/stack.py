@@ -100,15 +100,6 @@ class Stack:
         stated = (self.light_offset_sigma, self.light_power_sigma, self.registration_sigma, self.falloff_sigma)
         return any(value is not None for value in stated)
 
-    def with_views(self, views: NDArray[np.int64]) -> Stack:
-        """Return the stack of these views only."""
-        of_views = (
-            "radiance", "camera_position", "light_position", "light_power", "variance", "saturated",
-            "camera_rotation", "light_power_sigma", "registration_sigma",
-        )  # fmt: skip
-        values = {name: getattr(self, name) for name in of_views}
-        return replace(self, **{name: value[views] for name, value in values.items() if value is not None})
-
     def without_view(self, view: int) -> Stack:
         """Return the stack with one view that no solver looks at; no radiance is copied."""
         power = self.light_power.copy()

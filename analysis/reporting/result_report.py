@@ -47,7 +47,7 @@ def write_report(path: Path, result: Result, title: str) -> None:
         headline=_headline(result),
         advice=_advice(result),
         maps=_maps(result, groups, picked),
-        curves=_encode(curves(result, picked)),
+        curves=_encode(_curves(result, picked)),
         left_out=result.summary.left_out,
         choices=result.choices,
         calibration=_flat(result.summary.calibration or {}),
@@ -195,15 +195,13 @@ def _encode(png: bytes) -> str:
     return base64.b64encode(png).decode("ascii")
 
 
-def curves(result: Result, points: Sequence[Point], samples: Sequence[tuple[Array, Array]] = ()) -> bytes:
+def _curves(result: Result, points: Sequence[Point]) -> bytes:
     """Draw the fitted curves f(theta_h) at picked points; dashed beyond the half angles seen there.
 
     Parameters
     ----------
     result : Result
     points : sequence of (row, column)
-    samples : sequence of (theta_h, f)
-        What was measured at each point: rad, shape (N,), and f = radiance d^2 / (P cos), shape (N, C).
     """
     theta = np.deg2rad(np.linspace(0.0, 85.0, 300))
     colours = ("tab:red", "tab:green", "tab:blue") if result.fits.atom.shape[1] == 3 else ("black",)
@@ -218,9 +216,6 @@ def curves(result: Result, points: Sequence[Point], samples: Sequence[tuple[Arra
             for channel, colour in enumerate(colours):
                 axes.semilogy(np.rad2deg(theta), f[:, channel], "--", color=colour, linewidth=0.7)
                 axes.semilogy(np.rad2deg(theta[seen]), f[seen, channel], color=colour, linewidth=1.4)
-                if len(samples) >= number:
-                    angle, measured = samples[number - 1]
-                    axes.plot(np.rad2deg(angle), measured[:, channel], ".", color=colour, markersize=3)
             axes.set(title=f"point {number}", xlabel="θh (deg)", ylabel="f (1/sr)" if number == 1 else "")
             _limit_to(axes, f)
         return png(figure)

@@ -87,7 +87,6 @@ def main() -> None:
         measured(f"holes, tolerance {tolerance:g}", partial(integrate_normals, holed, PITCH, tolerance), truth)
     measured("patchy sigmas", lambda: integrate_normals(normals, PITCH, 1e-5, sigma=sigma), truth)
     truth, normals = waves(300, 300)
-    measured("discontinuities", lambda: integrate_normals(normals, PITCH, discontinuities=True), truth)
     rng = np.random.default_rng(0)
     measured("depth_sigma", lambda: depth_sigma(np.full((2000, 2000), 0.01), PITCH, rng), None)
     measured("depth_sigma, weighted", lambda: depth_sigma(sigma, PITCH, rng, weighted=True), None)

@@ -31,7 +31,7 @@ def calibrating(session: Path) -> Reprocessing:
     """
     refuse_dangerous(session, UNPACKED)
     with Session(session) as opened:
-        has_boards = bool(opened.boards)
+        has_boards = bool(opened.nominal.boards)
     stack, page, figures = derived_names.free(
         session, derived_names.STACK, derived_names.CALIBRATION_PAGE, derived_names.CALIBRATION
     )

@@ -55,13 +55,13 @@ def capture_text(session: Session, exported: Exported) -> str:
 def _head(session: Session, exported: Exported) -> Iterator[str]:
     linear = exported.curve is None and exported.response is None
     yield from _keys(name=session.title or "a session", sample=session.sample, linear=linear)
-    yield from _keys(working_distance_mm=session.working_distance_mm)
-    if session.nominal_camera_matrix is None:
-        yield from _keys(focal_length_px=session.focal_length_px)
+    yield from _keys(working_distance_mm=session.nominal.working_distance_mm)
+    if session.nominal.camera_matrix is None:
+        yield from _keys(focal_length_px=session.nominal.focal_length_px)
 
 
 def _camera(session: Session) -> Iterator[str]:
-    camera, cell = session.camera, session.black_level_cell
+    camera, cell = session.camera, session.nominal.black_level_cell
     yield from _table("camera", make=camera.make, model=camera.model, serial_number=camera.serial_number)
     yield from _keys(
         bayer_pattern=camera.bayer_pattern,
@@ -74,18 +74,22 @@ def _camera(session: Session) -> Iterator[str]:
 
 
 def _lens(session: Session) -> Iterator[str]:
-    matrix, distortion = session.nominal_camera_matrix, session.nominal_distortion
+    matrix, distortion = session.nominal.camera_matrix, session.nominal.distortion
     if matrix is not None:
         yield from _table("intrinsics", fx=matrix[0, 0], fy=matrix[1, 1], cx=matrix[0, 2], cy=matrix[1, 2])
         yield from _keys(distortion=None if distortion is None else distortion.tolist())
 
 
 def _light_and_area(session: Session) -> Iterator[str]:
-    offset, sigma, area = session.light_offset_mm, session.light_offset_sigma_mm, session.area_mm
+    offset, sigma, area = (
+        session.nominal.light_offset_mm,
+        session.nominal.light_offset_sigma_mm,
+        session.nominal.area_mm,
+    )
     if offset is not None and sigma is not None:
         yield from _table("light", offset_mm=offset.tolist(), offset_sigma_mm=float(np.max(sigma)))
     if area is not None:
-        yield from _table("area", width_mm=area[0], height_mm=area[1], pitch_mm=session.pixel_pitch_mm)
+        yield from _table("area", width_mm=area[0], height_mm=area[1], pitch_mm=session.nominal.pixel_pitch_mm)
 
 
 def _response(exported: Exported) -> Iterator[str]:
@@ -99,13 +103,13 @@ def _beside(session: Session, exported: Exported) -> Iterator[str]:
     if exported.darks is not None:
         yield from _table("darks", files=exported.darks.files, exposure_times_s=exported.darks.times)
     if exported.flats is not None:
-        distances = session.flat_distances_mm.tolist()
+        distances = session.extra.flat_distances_mm.tolist()
         yield from _table("flats", files=exported.flats.files, exposure_times_s=exported.flats.times)
         yield from _keys(distance_mm=distances if all(map(isfinite, distances)) else None)
 
 
 def _boards(session: Session) -> Iterator[str]:
-    for board in session.boards:
+    for board in session.nominal.boards:
         yield from _table("[boards]", kind=board.kind, **_markers(board))
         yield from _keys(squares=board.squares, square_mm=board.square_mm)
         yield from _keys(corner_mm=board.corner_mm if board.is_placed else "measure")

@@ -64,7 +64,7 @@ class _Exporter:
 
     def __init__(self, session: Session, folder: Path) -> None:
         self.session, self.folder, self.camera = session, folder, session.camera
-        cell = session.black_level_cell
+        cell = session.nominal.black_level_cell
         self.black_level = np.full((2, 2), self.camera.black_level) if cell is None else cell
         self.n_written = 0
 
@@ -91,10 +91,10 @@ class _Exporter:
 
     def _ambient(self, i_pose: int) -> str | None:
         """Return the name of a pose's picture without the light; its exposure time stands in its own tags."""
-        picture = self.session.ambient(i_pose)
+        picture = self.session.extra.ambient(i_pose)
         if picture is None:
             return None
-        return self._write(f"ambient_{i_pose:04d}", picture, self.session.ambient_times[i_pose])
+        return self._write(f"ambient_{i_pose:04d}", picture, self.session.extra.ambient_times[i_pose])
 
     def _darks(self) -> Beside | None:
         dark, times = self.session.dark, self.session.exposure_times.tolist()
@@ -104,10 +104,10 @@ class _Exporter:
         return Beside(tuple(names), tuple(times))
 
     def _flats(self) -> Beside | None:
-        return self._beside("flat", self.session.flat_images, self.session.flat_times)
+        return self._beside("flat", self.session.extra.flat_images, self.session.extra.flat_times)
 
     def _response(self) -> Beside | None:
-        return self._beside("response", self.session.response_images, self.session.response_times)
+        return self._beside("response", self.session.extra.response_images, self.session.extra.response_times)
 
     def _beside(self, kind: str, picture: Callable[[int], NDArray[Any]], times: NDArray[np.float64]) -> Beside | None:
         if not len(times):
@@ -116,7 +116,7 @@ class _Exporter:
         return Beside(tuple(names), tuple(times.tolist()))
 
     def _curve(self) -> str | None:
-        curve = self.session.response
+        curve = self.session.nominal.response
         if curve is None:
             return None
         header = "count,linear" if len(curve) == 1 else "count,red,green,blue"

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from instrument.imports.arrangement import Arrangement, Frame
 from instrument.imports.capture_config import CaptureConfig, IntrinsicsTable
 from instrument.imports.prepare import Import
+from instrument.recording.header import Provenance, SessionHeader
 from instrument.session import layout
-from instrument.session.header import Provenance, SessionHeader
 from instrument.session.layout import Field
 from instrument.session.records import Geometry
 

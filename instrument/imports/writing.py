@@ -17,10 +17,10 @@ from instrument.imports.prepare import Import
 from instrument.imports.survey import Watcher
 from instrument.pictures.picture import UnreadablePictureError
 from instrument.pictures.reading import read_picture
+from instrument.recording.creation import create_session, refuse_existing
+from instrument.recording.recorder import Recorder
 from instrument.session import layout
-from instrument.session.creation import create_session, refuse_existing
 from instrument.session.layout import Status
-from instrument.session.recorder import Recorder
 from instrument.session.records import PoseRecord
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import h5py
 import numpy as np
@@ -39,52 +38,50 @@ class SessionReader:
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
-        self._file = open_session_file(self.path)
+        self.file = open_session_file(self.path)
         try:
-            raise_if_any(f"{path} is not a usable session", structure_problems(self._file))
+            raise_if_any(f"{path} is not a usable session", structure_problems(self.file))
         except InvalidInputError:
-            self._file.close()
+            self.file.close()
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Close the file; safe to call twice."""
-        self._file.close()
+        self.file.close()
 
-    def _array(self, field: Field, at: Any = ()) -> NDArray[Any]:
-        with self._reading(field):
-            return np.asarray(self._file[field.path][at])
+    def array(self, field: Field, at: Any = ()) -> NDArray[Any]:
+        """Return the values of a field, or part of them."""
+        with self.reading(field):
+            return np.asarray(self.file[field.path][at])
 
-    def _scalar(self, field: Field) -> float:
-        return float(self._array(field))
+    def scalar(self, field: Field) -> float:
+        """Return the number of a field."""
+        return float(self.array(field))
 
-    def _stated(self, field: Field) -> NDArray[Any] | None:
+    def optional(self, field: Field) -> NDArray[Any] | None:
         """Return the values of an optional field, None if the session lacks it."""
-        return self._array(field) if field.path in self._file else None
+        return self.array(field) if field.path in self.file else None
 
-    def _stated_scalar(self, field: Field) -> float | None:
-        return self._scalar(field) if field.path in self._file else None
+    def optional_scalar(self, field: Field) -> float | None:
+        """Return the number of an optional field, None if the session lacks it."""
+        return self.scalar(field) if field.path in self.file else None
 
-    def _array_or_empty(self, field: Field) -> NDArray[Any]:
-        return self._array(field) if field.path in self._file else np.zeros(0, field.dtype)
+    def array_or_empty(self, field: Field) -> NDArray[Any]:
+        """Return the values of an optional field, none if the session lacks it."""
+        return self.array(field) if field.path in self.file else np.zeros(0, field.dtype)
 
-    def _text(self, field: Field) -> str:
-        with self._reading(field):
-            return str(self._file[field.path].asstr()[()])
+    def text(self, field: Field) -> str:
+        """Return the text of a field."""
+        with self.reading(field):
+            return str(self.file[field.path].asstr()[()])
 
-    def _texts(self, field: Field) -> list[str]:
-        with self._reading(field):
-            return [text.decode() for text in self._file[field.path][()].ravel()]
+    def texts(self, field: Field) -> list[str]:
+        """Return the texts of a field, in reading order."""
+        with self.reading(field):
+            return [text.decode() for text in self.file[field.path][()].ravel()]
 
     @contextmanager
-    def _reading(self, field: Field) -> Iterator[None]:
+    def reading(self, field: Field) -> Iterator[None]:
         """Turn what h5py raises on a damaged file into a problem at `field`."""
         try:
             yield

@@ -14,8 +14,8 @@ import numpy as np
 
 from instrument.files.untrusted import objects
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
+from instrument.recording.creation import HDF5_FORMAT, check_space, refuse_existing, sync
 from instrument.session import layout
-from instrument.session.creation import HDF5_FORMAT, check_space, refuse_existing, sync
 from instrument.session.layout import Field
 from instrument.session.reader import open_session_file
 from instrument.session_tools.examination import examination

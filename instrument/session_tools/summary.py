@@ -104,7 +104,7 @@ def _summary(session: Session) -> dict[str, Any]:
         "camera": _name(camera),
         "frame_size": [camera.width, camera.height],
         "bayer_pattern": camera.bayer_pattern,
-        "n_boards": len(session.boards),
+        "n_boards": len(session.nominal.boards),
         "start_time": session.start_time,
         "end_time": session.end_time,
         "bytes": session.path.stat().st_size,

@@ -18,25 +18,9 @@ from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 from instrument.session import layout
 from instrument.session.import_plan import ImportPlan
 from instrument.session.layout import Field, Status
-from instrument.session.reader import open_session_file
 from instrument.session.session import Session
-from instrument.session.structure import structure_problems
 
 _FIELDS = (layout.POSE_COMPLETE, layout.FRAME_OK, layout.COUNT_TIME, layout.FRAME_DIGEST, layout.POSE_DIGEST)
-
-
-def verify_session(path: Path | str) -> Iterator[Problem]:
-    """Yield everything that is wrong with a session; reads every frame of its complete poses, in this process.
-
-    Raises
-    ------
-    InvalidInputError
-        If `path` is no session at all.
-    """
-    with open_session_file(Path(path)) as file:
-        problems = tuple(structure_problems(file))
-        # Without its structure the content means nothing.
-        yield from problems or (*content_problems(Path(path)), *_all_poses(file, Path(path)))
 
 
 def content_problems(path: Path) -> Iterator[Problem]:
@@ -44,12 +28,6 @@ def content_problems(path: Path) -> Iterator[Problem]:
     with Session(path) as session:
         for check in (plan_problems, _status_problems, _readback_problems):
             yield from _guarded(check(session))
-
-
-def _all_poses(file: h5py.File, path: Path) -> Iterator[Problem]:
-    journal = PoseJournal.read(file, path.stat().st_size)
-    for i_pose in np.flatnonzero(journal.complete).tolist():
-        yield from filter(None, pose_problems(file, journal, i_pose))
 
 
 def _guarded(problems: Iterator[Problem]) -> Iterator[Problem]:

@@ -11,11 +11,11 @@ from drivers.registry import open_devices
 from instrument.config.protocol import ProtocolConfig
 from instrument.config.rig import RigConfig
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
+from instrument.recording.creation import create_session, refuse_existing
+from instrument.recording.recorder import Recorder
 from instrument.rig.rig import OpenDevices, Rig
 from instrument.session.audit import AuditLog
-from instrument.session.creation import create_session, refuse_existing
 from instrument.session.layout import Status
-from instrument.session.recorder import Recorder
 from instrument.session.session import Session
 from instrument.session_tools.verify import plan_problems
 from protocols.capture.control import Control, obeying_signals

@@ -8,8 +8,8 @@ from queue import Empty, Full, Queue
 from threading import Thread
 
 from drivers.clock import LONGEST_NAP
+from instrument.recording.recorder import Recorder
 from instrument.session.audit import AuditLog
-from instrument.session.recorder import Recorder
 from instrument.session.records import PoseRecord
 
 DEPTH = 2

@@ -76,7 +76,7 @@ class BegunSession:
 
 
 def _begun(session: Session, plan: Plan) -> Begun:
-    dark, times, temperatures = session.dark, session.flat_times, session.dark_temperatures
+    dark, times, temperatures = session.dark, session.extra.flat_times, session.dark_temperatures
     return Begun(
         complete=frozenset(np.flatnonzero(session.pose_complete).tolist()),
         darkness=() if dark is None else tuple(float(frame.mean()) for frame in dark),

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import CancelledError, DeviceError, DeviceLostError, DeviceTimeoutError
+from instrument.recording.recorder import Recorder
 from instrument.rig.bounded import within
 from instrument.rig.rig import Rig
 from instrument.session.audit import AuditLog
 from instrument.session.layout import Status
 from instrument.session.preview import Preview
-from instrument.session.recorder import Recorder
 from instrument.session.records import PoseRecord
 from protocols.acquisition.bracket import Bracket, take_pose
 from protocols.acquisition.darks_and_flats import take_darks, take_flats

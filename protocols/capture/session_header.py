@@ -8,9 +8,9 @@ from typing import Any
 from drivers.camera import CameraDescription
 from instrument.config.protocol import ProtocolConfig
 from instrument.config.rig import RigConfig
+from instrument.recording.header import Provenance, SessionHeader
 from instrument.rig.rig import Rig
 from instrument.session import layout
-from instrument.session.header import Provenance, SessionHeader
 from instrument.session.layout import Field
 from instrument.session.records import CameraRecord, Geometry
 from protocols.planning.plan import Plan

@@ -146,9 +146,9 @@ def _values(session: Session) -> dict[Field, NDArray[Any]]:
     values: dict[Field, NDArray[Any]] = {layout.DARK: dark, layout.DARK_VARIANCE: variance}
     if session.dark_temperatures is not None:
         values[layout.DARK_TEMPERATURE] = session.dark_temperatures
-    times = session.flat_times
+    times = session.extra.flat_times
     if times.size and np.isfinite(times).all():
-        values[layout.FLAT_IMAGES] = np.stack([session.flat_images(i) for i in range(times.size)])
+        values[layout.FLAT_IMAGES] = np.stack([session.extra.flat_images(i) for i in range(times.size)])
         values[layout.FLAT_TIME] = times
-        values[layout.FLAT_DISTANCE] = session.flat_distances_mm
+        values[layout.FLAT_DISTANCE] = session.extra.flat_distances_mm
     return values

@@ -13,8 +13,8 @@ from drivers.limits import Limits
 from instrument.config.loading import ProtocolConfig
 from instrument.config.protocol import AutoConfig
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
+from instrument.recording.creation import InsufficientSpaceError, check_space
 from instrument.rig.rig import Rig
-from instrument.session.creation import InsufficientSpaceError, check_space
 from protocols.planning.earlier_darks import KeptFrames
 from protocols.planning.metering import Metered, meter
 from protocols.planning.plan import Plan, stated_poses

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from instrument.session.session import Session
-from instrument.session_tools.verify import verify_session
 from tests.campaigns.small_rig import content, ended, processes, run_capture, run_resume
+from tests.verifying import verify_session
 
 
 @pytest.fixture(scope="module")

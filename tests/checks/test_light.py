@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from analysis.evaluation.metrics import angular_error_deg
-from analysis.light.flat_field import WARN_GAIN, fit_flat_field, prediction_error
+from analysis.light.flat_field import WARN_GAIN, fit_flat_field
 from analysis.reconstruction.options import Options
 from analysis.reconstruction.reconstruction import reconstruct
 from analysis.registration.grid import Grid
 from analysis.registration.stack import Stack
 from analysis.registration.stack_file import read_stack, write_stack
 from tests.analysis.light import test_flat_field as flats
+from tests.analysis.light.flats import prediction_error
 from tests.checks.conftest import Record
 from tests.synthetic import camera_ring, make_stack
 

@@ -14,13 +14,13 @@ from analysis.reflectance import models
 from analysis.reflectance.atoms import published
 from analysis.reflectance.completion import THETA_D, THETA_H, atom_on_nodes, atoms_on_slice, complete_brdf
 from analysis.reflectance.dictionary import from_published
-from analysis.reflectance.merl import SHAPE, MerlBrdf, cell_angles, read_merl, write_merl
+from analysis.reflectance.merl import SHAPE, MerlBrdf, cell_angles, read_merl
 from analysis.reflectance.models import Cosines, cosines_from_angles
 from benchmarks.studies.beyond_slice import without
 from tests.checks.conftest import Record
 from tests.checks.test_light import lambertian_plane
-from tests.merl_files import merl_brdf
-from tests.synthetic import make_stack
+from tests.merl_files import merl_brdf, write_merl
+from tests.synthetic import make_stack, with_views
 
 
 def directional_albedo(fits: PixelFits, theta_i_deg: float) -> np.ndarray:
@@ -110,8 +110,8 @@ def test_the_brdf_is_less_certain_where_nobody_saw_it(record: Record) -> None:
 def test_what_was_seen_is_kept_with_each_pixel_and_few_views_are_less_certain(record: Record) -> None:
     whole = make_stack(n_views=40, size=12)
     tilt = np.rad2deg(np.arccos(whole.camera_position[:, 2] / np.linalg.norm(whole.camera_position, axis=1)))
-    near = whole.with_views(np.flatnonzero(tilt < 32.0))
-    few = whole.with_views(np.arange(1, 40, 3))
+    near = with_views(whole, np.flatnonzero(tilt < 32.0))
+    few = with_views(whole, np.arange(1, 40, 3))
     options = Options(palette="off", accuracy="draft", light="given")
     fits = {name: reconstruct(s, options).fits for name, s in (("whole", whole), ("near", near), ("few", few))}
     normal = whole.truth.normals.reshape(-1, 1, 3)

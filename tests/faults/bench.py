@@ -21,15 +21,15 @@ from drivers.simulated.world import World
 from instrument.config.messages import validate
 from instrument.config.protocol import ProtocolConfig
 from instrument.config.rig import RigConfig
+from instrument.recording.recorder import Recorder
 from instrument.rig.rig import Rig
 from instrument.session.layout import Field
-from instrument.session.recorder import Recorder
 from instrument.session.records import PoseRecord
 from instrument.session.session import Session
-from instrument.session_tools.verify import verify_session
 from protocols.capture.engine import CaptureFaultError, Finish, Outcome, capture, resume
 from protocols.capture.progress import Watcher
 from tests.campaigns import small_rig
+from tests.verifying import verify_session
 
 PROTOCOL = {
     "name": "three views",

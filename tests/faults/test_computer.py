@@ -22,19 +22,20 @@ from drivers.errors import UnsafeError
 from drivers.registry import Devices
 from drivers.simulated.geometry import translation
 from instrument.files.validation import InvalidInputError
+from instrument.recording import recorder
+from instrument.recording.recorder import _BOOKKEEPING, Recorder
 from instrument.rig.lock import RigBusyError
 from instrument.rig.rig import Rig
-from instrument.session import audit, layout, recorder
-from instrument.session.recorder import _BOOKKEEPING, Recorder
+from instrument.session import audit, layout
 from instrument.session.records import PoseRecord
 from instrument.session.session import Session
-from instrument.session_tools.verify import verify_session
 from protocols.capture import pose_writer
 from protocols.capture.engine import CaptureFaultError, Control, Finish, Progress, capture, resume
 from tests.campaigns.small_rig import ended, processes
 from tests.faults import bench
 from tests.faults.bench import FaultyBench
 from tests.faults.record import FaultRecord
+from tests.verifying import verify_session
 
 ROOT = Path(__file__).parents[2]
 

@@ -8,10 +8,10 @@ import pytest
 
 from drivers.simulated.faults import Fault
 from instrument.session.session import Session
-from instrument.session_tools.verify import verify_session
 from protocols.capture.engine import Finish
 from tests.faults import bench
 from tests.faults.record import FaultRecord
+from tests.verifying import verify_session
 
 ALWAYS = 0
 NEVER_BACK = 1e9

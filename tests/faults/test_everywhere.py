@@ -12,8 +12,8 @@ import pytest
 from drivers.registry import Devices
 from drivers.simulated.faults import EFFECTS, Fault, FaultScript
 from instrument.session.session import Session
-from instrument.session_tools.verify import verify_session
 from tests.faults import bench
+from tests.verifying import verify_session
 
 CALLS = {
     "camera": ("connect", "set_exposure_time", "trigger", "stop", "disconnect"),

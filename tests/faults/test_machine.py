@@ -17,11 +17,11 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from drivers.errors import CancelledError, DeviceError
 from drivers.simulated.faults import Fault
 from instrument.session.session import Session
-from instrument.session_tools.verify import verify_session
 from protocols.capture.engine import Control, Progress, capture, resume
 from tests.campaigns.small_rig import ended, processes
 from tests.faults import bench
 from tests.faults.bench import FaultyBench
+from tests.verifying import verify_session
 
 SPOILT = st.one_of(
     st.builds(

@@ -6,9 +6,9 @@ import pytest
 
 from instrument.config.loading import load_rig
 from instrument.session.session import Session
-from instrument.session_tools.verify import verify_session
 from protocols.capture.engine import Finish, capture
 from protocols.planning.python_protocol import load_any_protocol
+from tests.verifying import verify_session
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PROTOCOLS = sorted(

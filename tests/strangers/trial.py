@@ -29,8 +29,8 @@ from instrument.files.probe import look
 from instrument.files.validation import InvalidInputError
 from instrument.session.session import Session
 from instrument.session_tools.summary import summarise_here
-from instrument.session_tools.verify import verify_session
 from tests.strangers.mutations import mutate
+from tests.verifying import verify_session
 
 MEMORY_BYTES = 3 * 2**30
 STEP_SECONDS = 1.0

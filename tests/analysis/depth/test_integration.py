@@ -194,9 +194,10 @@ def test_a_texture_of_ten_pixels_is_recovered_to_half_a_percent():
 
 @pytest.mark.parametrize("shape", [(40, 33), (1, 30), (30, 1), (1, 1), (17, 2), (1, 131), (131, 1)])
 def test_multigrid_and_cosine_transform_agree(shape: tuple[int, int]):
-    p, q = np.random.default_rng(0).normal(0.0, 0.1, (2, *shape))
-    iterated = integrated(p, q, PITCH, tolerance=1e-10, ties=np.full(shape, np.nan))
-    np.testing.assert_allclose(iterated, integrated(p, q, PITCH), atol=1e-8)
+    # Small slopes, so that equal sigmas of the normals are as good as equal sigmas of the slopes.
+    p, q = np.random.default_rng(0).normal(0.0, 1e-5, (2, *shape))
+    iterated = integrated(p, q, PITCH, tolerance=1e-10, sigma=np.full(shape, 0.01))
+    np.testing.assert_allclose(iterated, integrated(p, q, PITCH), atol=1e-12)
 
 
 def test_single_precision_would_be_enough_and_double_agrees_with_it():
@@ -278,65 +279,12 @@ def test_depth_does_not_depend_on_the_unit_of_the_sigmas():
     np.testing.assert_allclose(one, two, atol=1e-7)
 
 
-def test_a_frame_tied_to_the_board_makes_depth_absolute():
-    truth, normals = surface(40, 50, quadratic)
-    height = truth + 3.0
-    ties = np.full(truth.shape, np.nan)
-    ties[:3] = height[:3]
-    depth = integrate_normals(normals, PITCH, ties=ties, ties_sigma=0.01)
-    assert np.abs(depth - height).max() < 1e-3
-
-
-def test_ties_take_out_a_tilt_that_all_normals_share():
-    truth, normals = surface(40, 50, quadratic)
-    tilted_normals = normals + np.array([0.02, 0.0, 0.0])
-    ties = np.full(truth.shape, np.nan)
-    ties[:, :2], ties[:, -2:] = truth[:, :2], truth[:, -2:]
-    free, tied = (integrate_normals(tilted_normals, PITCH, **options) for options in ({}, {"ties": ties}))
-    assert depth_rmse(tied, truth) < 0.2 * depth_rmse(free, truth)
-
-
-def test_a_part_without_a_tie_has_mean_zero_beside_one_that_is_tied():
-    _, normals = surface(20, 21, tilted)
-    normals[:, 10] = np.nan
-    ties = np.full((20, 21), np.nan)
-    ties[4, 3] = 5.0
-    depth = integrate_normals(normals, PITCH, ties=ties)
-    assert depth[4, 3] == pytest.approx(5.0, abs=1e-3)
-    assert np.mean(depth[:, 11:]) == pytest.approx(0.0, abs=1e-6)
-
-
-def test_maps_of_another_shape_and_ties_without_a_sigma_are_refused():
-    _, normals = surface(6, 7, tilted)
-    with pytest.raises(ValueError, match=r"sigma has shape \(6, 6\); the map has \(6, 7\)"):
-        integrate_normals(normals, PITCH, sigma=np.ones((6, 6)))
-    with pytest.raises(ValueError, match=r"ties_sigma is 0\.0 mm; it must be positive"):
-        integrate_normals(normals, PITCH, ties=np.zeros((6, 7)), ties_sigma=0.0)
-
-
 def flap(n: int):
     """A smooth ground, the upper right of which is bent up along one line and torn loose along the other."""
     x, y, _ = np.moveaxis(Grid(n, n, PITCH).points(), -1, 0)
     up = (x > 0.0) & (y > 0.0)
     ground, p, q = 0.2 * np.sin(0.5 * x), 0.1 * np.cos(0.5 * x), np.zeros_like(y)
     return ground + np.where(up, 0.2 * y, 0.0), p, q + np.where(up, 0.2, 0.0)
-
-
-def test_a_tear_is_kept_where_discontinuities_are_asked_for():
-    z, p, q = flap(60)
-    smooth, torn = (integrated(p, q, PITCH, discontinuities=option) for option in (False, True))
-    assert depth_rmse(torn, z) < 0.4 * depth_rmse(smooth, z)
-    assert np.median(np.abs((torn - z) - np.median(torn - z))) < 0.02
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.02])
-def test_a_smooth_surface_is_not_worse_for_asking_for_discontinuities(noise: float):
-    x, y, _ = np.moveaxis(Grid(60, 60, PITCH).points(), -1, 0)
-    z, normals = relief(x, y)
-    p, q, _ = slopes_from_normals(normals)
-    p, q = (s + noise * np.random.default_rng(7).standard_normal((60, 60)) for s in (p, q))
-    plain, robust = (depth_rmse(integrated(p, q, PITCH, discontinuities=option), z) for option in (False, True))
-    assert robust < 1.1 * plain + 0.01 * np.ptp(z)
 
 
 def test_blocks_give_the_sigma_of_depth_that_every_pixel_gives(monkeypatch: pytest.MonkeyPatch):
@@ -348,41 +296,12 @@ def test_blocks_give_the_sigma_of_depth_that_every_pixel_gives(monkeypatch: pyte
     assert np.median(blocks / full) == pytest.approx(1.0, abs=0.08)
 
 
-def test_weights_and_ties_lower_the_sigma_of_depth():
-    sigma = np.full((40, 40), 0.01)
-    sigma[:, 18:22] = 0.3
-    sigma[:10, 18:22] = 0.01
-    ties = np.full((40, 40), np.nan)
-    ties[:, 0] = 0.0
-    plain, weighted = (
-        np.mean(depth_sigma(sigma, PITCH, np.random.default_rng(0), weighted=option)) for option in (False, True)
-    )
-    assert weighted < 0.5 * plain
-    uniform = np.full((40, 40), 0.01)
-    tied = depth_sigma(uniform, PITCH, np.random.default_rng(0), ties=ties, ties_sigma=0.001)
-    assert np.mean(tied[:, 0]) < 0.3 * np.mean(tied[:, -1])
-
-
 @pytest.mark.parametrize("shape", [(1, 300), (300, 1)])
 def test_a_long_row_of_pixels_has_a_depth_and_its_sigma(shape: tuple[int, int]):
     truth, normals = surface(*shape, quadratic)
     sigma = np.full(shape, 0.01)
     assert error(integrate_normals(normals, PITCH, sigma=sigma), truth) < 1e-4
     assert np.all(depth_sigma(sigma, PITCH, np.random.default_rng(0), weighted=True) > 0.0)
-
-
-def test_ties_of_which_none_is_known_leave_depth_and_its_sigma_as_they_are():
-    sigma, unknown = np.full((20, 30), 0.01), np.full((20, 30), np.nan)
-    without, with_none = (depth_sigma(sigma, PITCH, np.random.default_rng(0), ties=t) for t in (None, unknown))
-    np.testing.assert_array_equal(with_none, without)
-
-
-def test_the_sigma_of_depth_refuses_ties_of_another_shape_and_without_a_sigma():
-    sigma, rng = np.full((6, 7), 0.01), np.random.default_rng(0)
-    with pytest.raises(ValueError, match=r"ties has shape \(7,\); the map has \(6, 7\)"):
-        depth_sigma(sigma, PITCH, rng, ties=np.zeros(7))
-    with pytest.raises(ValueError, match=r"ties_sigma is -1\.0 mm; it must be positive"):
-        depth_sigma(sigma, PITCH, rng, ties=np.zeros((6, 7)), ties_sigma=-1.0)
 
 
 def test_holes_have_no_depth_whether_slopes_or_normals_are_integrated():

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 from analysis.camera.view import View
-from analysis.light.flat_field import FlatField, fit_flat_card, fit_flat_field, prediction_error, square_view
+from analysis.light.flat_field import FlatField, fit_flat_card, fit_flat_field, square_view
 from analysis.light.flat_samples import PlanePicture
 from analysis.radiometry.hdr import Radiance
-from analysis.radiometry.response import Response, gamma_response
+from analysis.radiometry.response import Response
 from analysis.radiometry.response_fit import fit_response
 from instrument.files.validation import InvalidInputError
+from tests.analysis.light.flats import prediction_error
+from tests.analysis.radiometry.responses import gamma_response
 from tests.analysis.radiometry.test_response_fit import real_bracket
 
 SHARED = Path(os.environ.get("HALFANGLE_SHARED_DATA", Path(__file__).parents[4] / "shared" / "data"))

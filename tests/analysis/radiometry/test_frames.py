@@ -45,6 +45,14 @@ class FakeSession:
     flat_distances_mm: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
+    def nominal(self) -> "FakeSession":
+        return self
+
+    @property
+    def extra(self) -> "FakeSession":
+        return self
+
+    @property
     def n_poses(self) -> int:
         return len(self.counts)
 
@@ -167,11 +175,11 @@ def test_eight_bit_pictures_are_made_linear_by_a_bracket_beside_them():
     session = FakeSession(
         pictures[None, ::2], times[::2], camera=camera(bayer_pattern="", bit_depth=8, saturation_value=255.0)
     )
-    session.response_times, session.response_images = times, lambda i: pictures[i]
+    session.extra.response_times, session.response_images = times, lambda i: pictures[i]
     frames = MergedFrames(session)
     assert frames.findings.response_slope == pytest.approx(1.0, abs=0.01)
     assert len(frames.findings.response_predictions) == len(times)
-    session.response_times, session.response = np.zeros(0), srgb_encoded_table()
+    session.extra.response_times, session.response = np.zeros(0), srgb_encoded_table()
     given = MergedFrames(session).merge(0)
     estimated = frames.merge(0)
     good = (estimated.valid >= 2) & (given.valid >= 2)
@@ -211,7 +219,7 @@ def test_cards_at_stated_distances_give_a_flat_field():
 
     session = FakeSession(poses(), dark=darks())
     assert session_flat_field(MergedFrames(session), 200.0, np.zeros(3)) is None
-    session.flat_times, session.flat_images = np.full(3, TIMES[1]), card
+    session.extra.flat_times, session.flat_images = np.full(3, TIMES[1]), card
     session.flat_distances_mm = np.array([150.0, 220.0, 300.0])
     field = session_flat_field(MergedFrames(session), 200.0, np.zeros(3))
     corner, middle = field.gain(np.array([[0.0, 0.0], [79.5, 59.5]]), 250.0)

@@ -11,10 +11,9 @@ from analysis.reflectance.merl import (
     cell_angles,
     fill_unmeasured,
     read_merl,
-    write_merl,
 )
 from instrument.files.validation import InvalidInputError
-from tests.merl_files import merl_brdf
+from tests.merl_files import merl_brdf, merl_of, write_merl
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +63,7 @@ def test_the_average_leaves_out_what_was_not_measured():
 
 
 def test_the_average_of_a_whole_row_of_cells_is_in_units_of_the_brdf():
-    mean, n_measured = MerlBrdf.from_brdf(np.full((3, *SHAPE), 0.25)).average()
+    mean, n_measured = merl_of(np.full((3, *SHAPE), 0.25)).average()
     np.testing.assert_allclose(mean, 0.25, rtol=1e-12)
     assert np.all(n_measured == 180)
 

@@ -283,15 +283,6 @@ def test_a_checker_seen_from_any_pose_registers_within_a_tenth_of_a_pixel(tilt: 
     assert checker_shift(tilt, azimuth) < 0.1
 
 
-def test_points_that_the_surface_hides_are_missing():
-    hidden = np.zeros((30, 40), np.bool_)
-    hidden[3, 5] = True
-    picture, nothing = np.ones((HEIGHT, WIDTH), np.float32), np.zeros((HEIGHT, WIDTH), np.bool_)
-    out = rectify(picture, picture, nothing, "", VIEW, GRID.points(), GRID.pitch, hidden)
-    np.testing.assert_array_equal(np.isnan(out.radiance[..., 0]), hidden)
-    np.testing.assert_array_equal(np.isnan(out.variance[..., 0]), hidden)
-
-
 def test_a_point_behind_the_lens_falls_nowhere():
     centre = -VIEW.rotation.T @ VIEW.translation
     assert np.isnan(VIEW.project(2.0 * centre)).all()

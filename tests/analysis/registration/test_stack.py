@@ -297,13 +297,3 @@ def test_a_truncated_file_is_told(path: Path, share: float):
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
     assert "damaged" in refusal(path).problems[0].what
-
-
-def test_some_of_the_views_keep_what_belongs_to_them(small: Stack):
-    some = small.with_views(np.array([3, 1]))
-    assert some.n_views == 2
-    np.testing.assert_array_equal(some.radiance[0], small.radiance[3])
-    np.testing.assert_array_equal(some.variance[1], small.variance[1])
-    np.testing.assert_array_equal(some.camera_rotation[0], small.camera_rotation[3])
-    np.testing.assert_array_equal(some.light_position[0], small.light_position[3])
-    assert replace(small, variance=None, camera_rotation=None).with_views(np.array([0])).variance is None

@@ -11,13 +11,13 @@ import pytest
 
 from analysis.camera.residual_arrows import by_region, exaggeration
 from analysis.radiometry.exposure_ratios import ExposureRatios
-from analysis.radiometry.response import srgb_response
 from analysis.reconstruction.error_budget import ErrorBudget
 from analysis.reporting.calibration_checks import calibration_checks
 from analysis.reporting.calibration_figures import calibration_figures
 from analysis.reporting.calibration_report import CalibrationReport, Parameter, write_calibration_page
 from analysis.reporting.text import checks_text
 from tests.analysis.calibrations import calibration, camera, facts, radiometry
+from tests.analysis.radiometry.responses import srgb_response
 
 BUDGET = ErrorBudget({"image noise": 0.02, "light position": 0.05})
 

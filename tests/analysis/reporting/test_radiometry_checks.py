@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from analysis.radiometry.exposure_ratios import ExposureRatios
-from analysis.radiometry.response import srgb_response
 from analysis.radiometry.response_fit import PicturePrediction
 from analysis.radiometry.saturation import Saturation
 from analysis.reporting.checks import Check, Status
 from analysis.reporting.radiometry_checks import radiometry_checks
 from tests.analysis.calibrations import CELL, named, radiometry, ratios
+from tests.analysis.radiometry.responses import srgb_response
 
 
 def check(name: str, **changes: object) -> Check:

@@ -17,7 +17,7 @@ from instrument.files.validation import InvalidInputError
 from instrument.imports.prepare import prepare_import
 from instrument.imports.writing import write_import
 from instrument.session.session import Session
-from instrument.session_tools.verify import verify_session
+from tests.verifying import verify_session
 
 H, W = 48, 64
 TIMES = (0.01, 0.1)

@@ -1,6 +1,7 @@
 """A session written as pictures and imported again is the same session."""
 
 from dataclasses import asdict, replace
+from operator import attrgetter
 from pathlib import Path
 
 import h5py
@@ -15,9 +16,9 @@ from instrument.imports.writing import write_import
 from instrument.pictures.reading import read_picture
 from instrument.session import layout
 from instrument.session.session import Session
-from instrument.session_tools.verify import verify_session
 from protocols.capture.engine import capture
 from tests.instrument.imports.folders import H, W, mosaic, write_capture, write_dng, write_exr, write_jpeg, write_png
+from tests.verifying import verify_session
 
 RIG = """
 name = "small bench"
@@ -72,28 +73,30 @@ def assert_same(first: Path, second: Path) -> None:
         assert one.frame_digests == two.frame_digests
         assert (one.title, one.sample) == (two.title, two.sample)
         assert str(replace(one.camera)) == str(replace(two.camera))
-        assert [str(asdict(board)) for board in one.boards] == [str(asdict(board)) for board in two.boards]
+        assert [str(asdict(board)) for board in one.nominal.boards] == [
+            str(asdict(board)) for board in two.nominal.boards
+        ]
         for name in (
             "exposure_times",
             "exposure_readback",
             "frame_ok",
             "dark",
-            "area_mm",
-            "pixel_pitch_mm",
-            "working_distance_mm",
-            "focal_length_px",
-            "light_offset_mm",
-            "light_offset_sigma_mm",
-            "nominal_camera_matrix",
-            "nominal_distortion",
-            "black_level_cell",
-            "response",
-            "response_times",
-            "flat_times",
-            "flat_distances_mm",
-            "ambient_times",
+            "nominal.area_mm",
+            "nominal.pixel_pitch_mm",
+            "nominal.working_distance_mm",
+            "nominal.focal_length_px",
+            "nominal.light_offset_mm",
+            "nominal.light_offset_sigma_mm",
+            "nominal.camera_matrix",
+            "nominal.distortion",
+            "nominal.black_level_cell",
+            "nominal.response",
+            "extra.response_times",
+            "extra.flat_times",
+            "extra.flat_distances_mm",
+            "extra.ambient_times",
         ):
-            np.testing.assert_array_equal(getattr(one, name), getattr(two, name), err_msg=name)
+            np.testing.assert_array_equal(attrgetter(name)(one), attrgetter(name)(two), err_msg=name)
 
 
 def test_a_capture_comes_back_with_identical_counts_times_levels_and_boards(captured: Path, tmp_path: Path) -> None:
@@ -168,7 +171,7 @@ files = ["b.jpg"]
     back = round_trip(path, tmp_path)
     assert_same(path, back)
     with Session(path) as one, Session(back) as two:
-        np.testing.assert_array_equal(one.ambient(0), two.ambient(0))
+        np.testing.assert_array_equal(one.extra.ambient(0), two.extra.ambient(0))
         assert two.ambient(1) is None
         np.testing.assert_array_equal(one.flat_images(0), two.flat_images(0))
         np.testing.assert_array_equal(one.response_images(1), two.response_images(1))

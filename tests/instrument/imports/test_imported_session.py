@@ -13,16 +13,16 @@ from silx.io.nxdata import NXdata, get_default
 from analysis.calibration.nominal import stated
 from instrument.files.digests import text_digest
 from instrument.files.validation import InvalidInputError
+from instrument.recording.creation import create_session
+from instrument.recording.header import Provenance, SessionHeader
+from instrument.recording.recorder import Recorder
 from instrument.session import layout
-from instrument.session.creation import create_session
-from instrument.session.header import Provenance, SessionHeader
 from instrument.session.import_plan import ImportPlan, Source
 from instrument.session.layout import Status
-from instrument.session.recorder import Recorder
 from instrument.session.records import Board, CameraRecord, Geometry, PoseRecord
 from instrument.session.session import Session
-from instrument.session_tools.verify import verify_session
 from protocols.capture.engine import Finish, resume
+from tests.verifying import verify_session
 
 H, W = 16, 24
 CAMERA = CameraRecord("acme", "pocket", "", H, W, 3, "f4", 32, 0.0, np.inf, "", np.nan, np.nan)
@@ -93,7 +93,7 @@ def test_frames_of_every_kind_read_back(tmp_path: Path, dtype: str, n_channels: 
         assert (session.camera.dtype, session.camera.n_channels) == (dtype, n_channels)
         np.testing.assert_array_equal(session.frame(0, 0), picture(0, camera))
         np.testing.assert_array_equal(session.frames(1)[1], picture(1, camera))
-        np.testing.assert_array_equal(session.ambient(1), picture(2, camera))
+        np.testing.assert_array_equal(session.extra.ambient(1), picture(2, camera))
 
 
 def test_a_pose_without_an_exposure_says_so(imported: Path) -> None:
@@ -102,20 +102,20 @@ def test_a_pose_without_an_exposure_says_so(imported: Path) -> None:
         assert session.frame_digests[0][1] == ""
         np.testing.assert_array_equal(session.exposure_readback, [[0.01, np.nan], [np.nan, 0.1]])
         assert np.isnan(session.timestamps).all()
-        assert session.ambient(0) is None
-        np.testing.assert_array_equal(session.ambient_times, [np.nan, 0.5])
+        assert session.extra.ambient(0) is None
+        np.testing.assert_array_equal(session.extra.ambient_times, [np.nan, 0.5])
 
 
 def test_what_nobody_stated_is_none(imported: Path) -> None:
     with Session(imported) as session:
-        assert session.area_mm is session.focal_length_px is session.working_distance_mm is None
-        assert session.light_offset_mm is session.light_offset_sigma_mm is None
-        assert session.nominal_camera_matrix is session.black_level_cell is session.response is None
-        assert session.nominal_distortion is not None
-        assert len(session.flat_times) == len(session.response_times) == 0
+        assert session.nominal.area_mm is session.nominal.focal_length_px is session.nominal.working_distance_mm is None
+        assert session.nominal.light_offset_mm is session.nominal.light_offset_sigma_mm is None
+        assert session.nominal.camera_matrix is session.nominal.black_level_cell is session.nominal.response is None
+        assert session.nominal.distortion is not None
+        assert len(session.extra.flat_times) == len(session.extra.response_times) == 0
         assert (session.rig_text, session.rig_json) == ("", "")
         assert session.protocol_text == 'name = "holiday"\n'
-        (board,) = session.boards
+        (board,) = session.nominal.boards
         assert not board.is_placed
         assert replace(board, corner_mm=(0, 0)) == replace(CHECKERBOARD, corner_mm=(0, 0))
 
@@ -152,9 +152,9 @@ def test_an_index_that_leads_nowhere_is_a_problem(changed: Callable[..., Path]) 
 
     with Session(changed(mislead)) as session:
         with pytest.raises(InvalidInputError, match="ambient"):
-            _ = session.ambient_times
+            _ = session.extra.ambient_times
         with pytest.raises(InvalidInputError, match="ambient"):
-            session.ambient(1)
+            session.extra.ambient(1)
 
 
 def test_channels_that_differ_from_those_of_the_frames_are_refused(changed: Callable[..., Path]) -> None:

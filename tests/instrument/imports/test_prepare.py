@@ -46,7 +46,7 @@ def test_a_folder_of_brackets_becomes_a_session(brackets: Path) -> None:
         camera = session.camera
         assert (camera.make, camera.model, camera.bayer_pattern, camera.bit_depth) == ("acme", "pocket", "RGGB", 12)
         assert (camera.black_level, camera.saturation_value) == (65.5, 4095)
-        np.testing.assert_array_equal(session.black_level_cell, [[64, 65], [66, 67]])
+        np.testing.assert_array_equal(session.nominal.black_level_cell, [[64, 65], [66, 67]])
         assert np.isnan([camera.conversion_gain, camera.read_noise]).all()
 
 
@@ -115,7 +115,7 @@ def test_levels_of_a_left_aligned_raw_file_are_shifted_with_its_counts(tmp_path:
     write_dng(tmp_path / "a.dng", mosaic(0) << np.uint16(4), 0.1, **levels)
     with imported(tmp_path) as session:
         np.testing.assert_array_equal(session.frame(0, 0), mosaic(0))
-        np.testing.assert_array_equal(session.black_level_cell, [[64, 65], [66, 67]])
+        np.testing.assert_array_equal(session.nominal.black_level_cell, [[64, 65], [66, 67]])
         assert (session.camera.saturation_value, session.camera.bit_depth) == (4095, 12)
 
 
@@ -135,7 +135,7 @@ bayer_pattern = "GRBG"
         assert (camera.make, camera.model, camera.bayer_pattern) == ("own", "pocket", "GRBG")
         assert (camera.black_level, camera.saturation_value) == (32, 4000)
         assert (camera.conversion_gain, camera.read_noise) == (2.5, 3)
-        assert session.black_level_cell is None
+        assert session.nominal.black_level_cell is None
 
 
 def test_floating_point_pictures_stay_what_they_are(tmp_path: Path) -> None:
@@ -176,21 +176,24 @@ square_mm = 25
 corner_mm = "measure"
 """
     with imported(tmp_path, text) as session:
-        assert session.response is None
-        assert session.response_times.tolist() == [1, 2, 4]
-        np.testing.assert_array_equal(session.response_images(2), read_picture(tmp_path / "r.jpg").pixels)
-        np.testing.assert_allclose(session.ambient_times, [0.4, 0.3])
-        assert (session.ambient(0) != session.ambient(1)).any()
-        assert session.flat_distances_mm.tolist() == [200]
-        assert session.flat_images(0).shape == (H, W, 3)
-        np.testing.assert_array_equal(session.nominal_camera_matrix, [[100, 0, 31.5], [0, 101, 23.5], [0, 0, 1]])
-        np.testing.assert_array_equal(session.nominal_distortion, [0.1, -0.2, 0, 0, 0])
-        assert (session.focal_length_px, session.working_distance_mm) == (100.5, 200)
-        assert (session.area_mm, session.pixel_pitch_mm) == ((60, 40), 0.2)
-        assert session.light_offset_mm is not None
-        assert session.light_offset_sigma_mm is not None
-        assert (session.light_offset_mm.tolist(), session.light_offset_sigma_mm.tolist()) == ([11, 0, 0], [2, 2, 2])
-        assert not session.boards[0].is_placed
+        assert session.nominal.response is None
+        assert session.extra.response_times.tolist() == [1, 2, 4]
+        np.testing.assert_array_equal(session.extra.response_images(2), read_picture(tmp_path / "r.jpg").pixels)
+        np.testing.assert_allclose(session.extra.ambient_times, [0.4, 0.3])
+        assert (session.extra.ambient(0) != session.extra.ambient(1)).any()
+        assert session.extra.flat_distances_mm.tolist() == [200]
+        assert session.extra.flat_images(0).shape == (H, W, 3)
+        np.testing.assert_array_equal(session.nominal.camera_matrix, [[100, 0, 31.5], [0, 101, 23.5], [0, 0, 1]])
+        np.testing.assert_array_equal(session.nominal.distortion, [0.1, -0.2, 0, 0, 0])
+        assert (session.nominal.focal_length_px, session.nominal.working_distance_mm) == (100.5, 200)
+        assert (session.nominal.area_mm, session.nominal.pixel_pitch_mm) == ((60, 40), 0.2)
+        assert session.nominal.light_offset_mm is not None
+        assert session.nominal.light_offset_sigma_mm is not None
+        assert (session.nominal.light_offset_mm.tolist(), session.nominal.light_offset_sigma_mm.tolist()) == (
+            [11, 0, 0],
+            [2, 2, 2],
+        )
+        assert not session.nominal.boards[0].is_placed
 
 
 def test_darks_become_mean_and_variance_for_each_exposure(brackets: Path) -> None:
@@ -221,7 +224,7 @@ def test_a_given_curve_is_stored(tmp_path: Path) -> None:
     write_png(tmp_path / "a.png", np.random.default_rng(0).integers(0, 256, (H, W)).astype(np.uint8))
     text = 'name = "leaf"\nlinear = false\nresponse = { gamma = 2.0 }\ngrouping = { exposure_times_s = [1.0] }\n'
     with imported(tmp_path, text) as session:
-        np.testing.assert_allclose(session.response, np.linspace(0, 1, 256)[None] ** 2, rtol=1e-6)
+        np.testing.assert_allclose(session.nominal.response, np.linspace(0, 1, 256)[None] ** 2, rtol=1e-6)
 
 
 def test_a_file_that_fails_half_way_leaves_nothing(brackets: Path, monkeypatch: pytest.MonkeyPatch) -> None:

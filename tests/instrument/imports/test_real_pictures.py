@@ -9,8 +9,8 @@ import pytest
 from instrument.imports.prepare import prepare_import
 from instrument.imports.writing import write_import
 from instrument.session.session import Session
-from instrument.session_tools.verify import verify_session
 from tests.instrument.imports.folders import write_capture
+from tests.verifying import verify_session
 
 SHARED = Path(os.environ.get("HALFANGLE_SHARED_DATA", Path(__file__).parents[4] / "shared" / "data"))
 CHECKERBOARDS = Path("/usr/share/doc/opencv-doc/examples/data")
@@ -50,11 +50,11 @@ ambient = ["green_towel_low/ambient.jpg"]
         assert session.camera.make == "HUAWEI"
         assert session.camera.frame_shape == (600, 800, 3)
         assert session.exposure_readback.tolist() == [[0.1]]
-        assert session.ambient_times.tolist() == [0.02]
-        assert session.flat_distances_mm.tolist() == [200]
+        assert session.extra.ambient_times.tolist() == [0.02]
+        assert session.extra.flat_distances_mm.tolist() == [200]
         times = [1 / 1000, 1 / 500, 1 / 250, 1 / 125, 1 / 60, 1 / 30, 1 / 15, 1 / 6, 0.3, 0.6]
-        np.testing.assert_allclose(session.response_times, times, rtol=0.02)
-        means = [session.response_images(i).mean() for i in range(10)]
+        np.testing.assert_allclose(session.extra.response_times, times, rtol=0.02)
+        means = [session.extra.response_images(i).mean() for i in range(10)]
         assert means == sorted(means)
 
 
@@ -73,4 +73,4 @@ corner_mm = "measure"
         assert session.n_poses == 13
         assert session.camera.frame_shape == (480, 640)
         assert session.camera.bayer_pattern == ""
-        assert [(board.kind, board.squares) for board in session.boards] == [("checkerboard", (10, 7))]
+        assert [(board.kind, board.squares) for board in session.nominal.boards] == [("checkerboard", (10, 7))]

@@ -45,7 +45,7 @@ def test_eight_bits_without_a_curve_are_refused_with_the_remedy(tmp_path: Path) 
     assert "set linear = true" in message
     with imported(tmp_path, 'name = "leaf"\nlinear = true\n') as session:
         assert (session.camera.bit_depth, session.camera.saturation_value) == (8, 255)
-        assert session.response is None
+        assert session.nominal.response is None
 
 
 CHECKERBOARD = '[[boards]]\nkind = "checkerboard"\nsquares = [3, 3]\nsquare_mm = 5\n'

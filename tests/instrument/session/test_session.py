@@ -45,7 +45,6 @@ def test_frames_darks_and_camera_read_back(session_path: Path) -> None:
         assert session.dark_variance is not None
         assert session.dark.shape == session.dark_variance.shape == (2, HEIGHT, WIDTH)
         assert (session.dark == 64).all()
-        assert session.flat is None
         camera = session.camera
         assert (camera.height, camera.width, camera.bit_depth) == (HEIGHT, WIDTH, 12)
         assert (camera.black_level, camera.saturation_value, camera.bayer_pattern) == (64, 4095, "RGGB")
@@ -55,11 +54,11 @@ def test_frames_darks_and_camera_read_back(session_path: Path) -> None:
 def test_calibration_and_provenance_read_back(session_path: Path) -> None:
     plan = Plan.from_protocol(protocol_config(count=3))
     with Session(session_path) as session:
-        assert session.boards == (Board("charuco", "DICT_4X4_50", 8, (4, 3), 5.5, 4.4, (32.0, 54.0)),)
-        assert session.light_offset_mm.tolist() == [12, 1, 0.5]
-        assert session.light_offset_sigma_mm.tolist() == [3, 3, 3]
-        assert session.area_mm == (60, 40)
-        assert (session.working_distance_mm, session.focal_length_px) == (350, 50)
+        assert session.nominal.boards == (Board("charuco", "DICT_4X4_50", 8, (4, 3), 5.5, 4.4, (32.0, 54.0)),)
+        assert session.nominal.light_offset_mm.tolist() == [12, 1, 0.5]
+        assert session.nominal.light_offset_sigma_mm.tolist() == [3, 3, 3]
+        assert session.nominal.area_mm == (60, 40)
+        assert (session.nominal.working_distance_mm, session.nominal.focal_length_px) == (350, 50)
         assert (session.plan_json, session.plan_sha256) == (plan.json, plan.sha256)
         assert session.rig_text == rig_config().text
         assert session.protocol_text == protocol_config(count=3).text
@@ -118,7 +117,7 @@ def test_a_session_of_format_1_0_is_read(changed: Callable[[Change], Path]) -> N
         file["entry"].attrs.modify("halfangle_schema", "1.0")
 
     with Session(changed(age)) as session:
-        assert session.area_mm == (60, 40)
+        assert session.nominal.area_mm == (60, 40)
         assert session.frames(0).shape == (2, HEIGHT, WIDTH)
         assert not session.is_imported
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from instrument.files.validation import InvalidInputError
+from instrument.recording.creation import SessionExistsError
 from instrument.session import layout
-from instrument.session.creation import SessionExistsError
 from instrument.session.session import Session
 from instrument.session_tools import pack
 from instrument.session_tools.pack import differences, pack_session
-from instrument.session_tools.verify import verify_session
 from protocols.capture.engine import capture, resume
 from tests.instrument.conftest import Change
 from tests.protocols.fakes import FakeBench, fault_at, protocol_config, rig_config
+from tests.verifying import verify_session
 
 
 def assert_same(one: Path, other: Path) -> None:

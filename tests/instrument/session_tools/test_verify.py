@@ -7,8 +7,8 @@ import pytest
 
 from instrument.files.validation import InvalidInputError
 from instrument.session import layout
-from instrument.session_tools.verify import verify_session
 from tests.instrument.conftest import Change
+from tests.verifying import verify_session
 
 
 def problems(path: Path) -> str:

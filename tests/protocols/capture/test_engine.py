@@ -6,13 +6,13 @@ import pytest
 
 from drivers.errors import DeviceError
 from instrument.files.validation import InvalidInputError
+from instrument.recording.recorder import Recorder
 from instrument.session.layout import Status
-from instrument.session.recorder import Recorder
 from instrument.session.session import Session
-from instrument.session_tools.verify import verify_session
 from protocols.capture.engine import CaptureFaultError, Finish, Outcome, Progress, State, capture, resume
 from tests.campaigns.small_rig import content
 from tests.protocols.fakes import FakeBench, Script, fault_at, no_fault, protocol_config, rig_config
+from tests.verifying import verify_session
 
 
 def run(path: Path, script: Script = no_fault) -> tuple[FakeBench, Outcome | None]:

@@ -17,9 +17,9 @@ from instrument.config.protocol import ProtocolConfig
 from instrument.config.rig import RigConfig
 from instrument.session.layout import Status
 from instrument.session.session import Session
-from instrument.session_tools.verify import verify_session
 from protocols.capture.engine import Finish, Progress, capture, resume
 from protocols.planning.estimate import FRAME_OVERHEAD, dry_run
+from tests.verifying import verify_session
 
 RIG = """
 name = "small bench"
@@ -40,7 +40,7 @@ KILLED_CAPTURE = """
 import os, signal, sys
 from instrument.session import layout
 from instrument.config.loading import load_protocol, load_rig
-from instrument.session.recorder import Recorder
+from instrument.recording.recorder import Recorder
 from protocols.capture.engine import Finish, Progress, capture, resume
 
 write, doomed = Recorder._write, getattr(layout, sys.argv[4])

@@ -11,10 +11,10 @@ from instrument.config.messages import validate
 from instrument.files.validation import InvalidInputError
 from instrument.session import layout
 from instrument.session.session import Session
-from instrument.session_tools.verify import verify_session
 from protocols.capture.engine import Finish, Outcome, capture
 from protocols.planning.estimate import dry_run
 from tests.faults.bench import FaultyBench, rig_config
+from tests.verifying import verify_session
 
 DARKS = {
     "name": "darks and flats",
@@ -51,8 +51,8 @@ def captured(protocol: ProtocolConfig, path: Path, **rig: Any) -> Outcome:
 def test_flats_are_taken_at_the_first_pose_and_kept(kept: Path) -> None:
     assert list(verify_session(kept)) == []
     with Session(kept) as session:
-        assert session.flat_times.tolist() == [0.004, 0.004]
-        assert session.camera.black_level + 5 < np.median(session.flat_images(0)) < 3000
+        assert session.extra.flat_times.tolist() == [0.004, 0.004]
+        assert session.camera.black_level + 5 < np.median(session.extra.flat_images(0)) < 3000
         assert session.dark_temperatures is not None
         assert np.isfinite(session.dark_temperatures).all()
 
@@ -63,7 +63,7 @@ def test_a_session_takes_over_the_darks_of_its_exposure_times_and_the_flats(tmp_
         assert session.dark is not None
         assert source.dark is not None
         np.testing.assert_array_equal(session.dark, source.dark[[0, 2]])
-        np.testing.assert_array_equal(session.flat_images(1), source.flat_images(1))
+        np.testing.assert_array_equal(session.extra.flat_images(1), source.extra.flat_images(1))
         assert (session.dark_timestamps < 0).all()
         assert source.digest() in session.versions["sources"].values()
     assert list(verify_session(tmp_path / "s.h5")) == []

@@ -13,8 +13,8 @@ import hdf5plugin
 import numpy as np
 
 from drivers.stage import AxisDescription
+from instrument.recording.header import SessionHeader, known_values
 from instrument.session import layout
-from instrument.session.header import SessionHeader, known_values
 from instrument.session.layout import Field
 from instrument.session.preview import preview_shape
 

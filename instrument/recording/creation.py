@@ -9,8 +9,8 @@ from pathlib import Path
 
 import h5py
 
-from instrument.session.header import SessionHeader
-from instrument.session.tree import write_tree
+from instrument.recording.header import SessionHeader
+from instrument.recording.tree import write_tree
 
 # The oldest format with checksums on its own bookkeeping, and the newest that opens after a kill: the
 # next one marks a file that is being written, and refuses it afterwards.

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from instrument.files.digests import chain_digest, frame_digest
+from instrument.recording.creation import HDF5_FORMAT, check_space, release, reserve, sync
 from instrument.session import layout
 from instrument.session.audit import event_line
-from instrument.session.creation import HDF5_FORMAT, check_space, release, reserve, sync
 from instrument.session.layout import Field, Status
 from instrument.session.preview import fraction, preview
 from instrument.session.records import PoseRecord

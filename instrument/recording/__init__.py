@@ -1,0 +1,1 @@
+"""Writes session files: the tree, then pose by pose."""
