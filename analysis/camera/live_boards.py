@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.camera.board_detection import board_readings, detection_image
 from analysis.camera.board_layout import BoardLayout
+from analysis.camera.view import View
 from instrument.session.records import Board
 
 Array = NDArray[np.float64]
@@ -96,8 +97,9 @@ def _explained(
     K = np.array([[f, 0.0, 0.5 * (width - 1)], [0.0, f, 0.5 * (height - 1)], [0.0, 0.0, 1.0]])
     points, seen = at[placed].astype(np.float32), found[placed].astype(np.float32)
     _, K, k, r, t = cv2.calibrateCamera([points], [seen], (width, height), K, np.zeros(5), flags=_ONE_RADIAL_TERM)
-    every = np.flatnonzero(layout.placed[layout.board])
-    expected = cv2.projectPoints(layout.points(every), r[0], t[0], K, k)[0].reshape(-1, 2)
-    off = cv2.projectPoints(points, r[0], t[0], K, k)[0].reshape(-1, 2) - seen
+    rotation = cv2.Rodrigues(r[0])[0]
+    view = View(*(np.asarray(a, np.float64) for a in (K, np.ravel(k), rotation, np.ravel(t[0]))))
+    expected = view.project(layout.points(np.flatnonzero(layout.placed[layout.board])))
+    off = view.project(at[placed]) - seen
     rms = float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
-    return SeenBoards(n_boards, found, np.asarray(expected, np.float64), rms)
+    return SeenBoards(n_boards, found, expected, rms)

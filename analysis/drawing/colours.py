@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from instrument.pictures.srgb import srgb_from_linear
+
 Array = NDArray[np.float64]
 
 
@@ -17,5 +19,5 @@ def display_colours(radiance: Array, white: float | None = None) -> Array:
     """Return linear radiance (..., 1 or 3) as display colours, `white` (99th percentile) made 1, by the sRGB curve."""
     level = white or float(np.nanpercentile(radiance, 99))
     linear = np.nan_to_num(np.clip(radiance / max(level, 1e-30), 0.0, 1.0))
-    curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
+    curve = srgb_from_linear(linear)
     return np.asarray(np.broadcast_to(curve, (*curve.shape[:-1], 3)))

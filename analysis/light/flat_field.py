@@ -22,6 +22,7 @@ from scipy.optimize import least_squares
 from analysis.camera.view import View, rays
 from analysis.light.flat_samples import TITLE, PlanePicture, PlaneSamples, plane_samples
 from analysis.radiometry.frames import MergedFrames
+from analysis.robust import huber_weights, mad_sigma
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 
 Array = NDArray[np.float64]
@@ -246,8 +247,8 @@ def _fit(samples: PlaneSamples, first: PlanePicture, light_offset: Array, sigma:
     for _ in range(_ROUNDS):
         x = least_squares(penalised, x, method="lm", args=(noise / np.sqrt(weight),)).x
         off = residual(x)
-        noise = max(1.4826 * float(np.median(np.abs(off))), 1e-4)
-        weight = 1.0 / np.maximum(np.abs(off) / (_HUBER * noise), 1.0)
+        noise = mad_sigma(off, 1e-4)
+        weight = huber_weights(off, _HUBER * noise)
     return FlatField(
         camera_matrix=first.view.camera_matrix,
         distortion=first.view.distortion,

@@ -18,6 +18,7 @@ from analysis.pixels.problem import Noise, PixelProblem, sample_pixels
 from analysis.reflectance.dictionary import Dictionary
 from analysis.registration.lighting import LightOffset, light_position
 from analysis.registration.stack import Stack
+from analysis.robust import huber_weights, mad_sigma
 
 Array = NDArray[np.float64]
 
@@ -163,8 +164,8 @@ def _pooled_residual(stack: Stack, brightness: Array, points: Array, offset: Arr
     for _ in range(4):
         normal = A.T @ (A * weight[:, None]) + 1e-6 * y.size * np.eye(_KNOTS)
         r = y.ravel() - A @ np.linalg.solve(normal, A.T @ (weight * y.ravel()))
-        scale = max(1.4826 * float(np.median(np.abs(r))), 1e-9)
-        weight = 1.0 / np.maximum(np.abs(r) / (2.0 * scale), 1.0)
+        scale = mad_sigma(r, 1e-9)
+        weight = huber_weights(r, 2.0 * scale)
     return np.asarray((np.sqrt(weight) * r).reshape(y.shape))
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.camera.view import View
+from analysis.robust import huber_weights, mad_sigma, sandwich
 
 Array = NDArray[np.float64]
 
@@ -208,8 +209,8 @@ def _robust_ridge(A: Array, y: Array, sigma: Array) -> tuple[Array, Array, Array
         normal = A.T @ (A * weight[:, None]) / noise**2 + np.diag(prior)
         x[:] = np.linalg.solve(normal + 1e-9 * np.eye(len(x)), A.T @ (weight * y) / noise**2)
         residual = y - A @ x
-        noise = max(1.4826 * float(np.median(np.abs(residual))), 1e-6)
-        weight = 1.0 / np.maximum(np.abs(residual) / (_HUBER * noise), 1.0)
+        noise = mad_sigma(residual, 1e-6)
+        weight = huber_weights(residual, _HUBER * noise)
     return x, residual, weight
 
 
@@ -219,9 +220,8 @@ def _covariance(A: Array, residual: Array, weight: Array, sigma: Array, block: N
     White paper is not even: neighbours in one picture are off together, and the scatter of single samples
     would promise too much.
     """
-    noise = max(1.4826 * float(np.median(np.abs(residual))), 1e-6)
+    noise = mad_sigma(residual, 1e-6)
     normal = A.T @ (A * weight[:, None]) / noise**2 + np.diag(1.0 / sigma**2) + 1e-9 * np.eye(A.shape[1])
     pull = np.zeros((int(block.max()) + 1, A.shape[1]))
     np.add.at(pull, block, A * (weight * residual)[:, None] / noise**2)
-    inverse = np.linalg.inv(normal)
-    return np.asarray(inverse @ (pull.T @ pull) @ inverse)
+    return sandwich(np.asarray(np.linalg.inv(normal)), pull)

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.radiometry.hdr import Sensor
+from analysis.robust import mad_sigma, tukey_weights
 
 Array = NDArray[np.float64]
 
@@ -189,8 +190,8 @@ def _instrumental_fit(
     Return r, c and their covariance.
     """
     z = np.abs(y - r * x - c) / np.sqrt(variance)
-    scale = max(1.4826 * float(np.median(z)), 1.0)
-    weight = np.maximum(1.0 - (z / (_TUKEY * scale)) ** 2, 0.0) ** 2 / variance
+    scale = mad_sigma(z, 1.0)
+    weight = tukey_weights(z, _TUKEY * scale) / variance
     Z, X = np.stack([best, np.ones_like(best)]), np.stack([x, np.ones_like(x)])
     M = (Z * weight) @ X.T
     # Two frames of one exposure time have the same black: c is 0, however well the black is known.

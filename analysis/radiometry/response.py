@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.radiometry.hdr import Sensor
 from instrument.files.validation import Problem, raise_if_any
+from instrument.pictures.srgb import linear_from_srgb
 
 Array = NDArray[np.float64]
 
@@ -101,5 +102,4 @@ def table_response(table: Array) -> Response:
 
 def srgb(z: NDArray[np.int64] | Array) -> Array:
     """Return the linear value of sRGB's counts."""
-    x = np.asarray(z, np.float64) / (N_LEVELS - 1)
-    return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
+    return linear_from_srgb(np.asarray(z, np.float64) / (N_LEVELS - 1))

@@ -22,6 +22,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import isotonic_regression
 
 from analysis.radiometry.response import N_LEVELS, srgb
+from analysis.robust import huber_weights, mad_sigma
 from instrument.files.validation import Problem, raise_if_any
 
 Array = NDArray[np.float64]
@@ -160,9 +161,9 @@ def _weights(state: State, samples: BracketSamples) -> Array:
     """
     variance = variance_of(state, samples)
     z = np.abs(misfit_of(state, samples)) / np.sqrt(variance)
-    scale = max(1.4826 * float(np.median(z[samples.valid])), 0.1)
+    scale = mad_sigma(z[samples.valid], 0.1)
     share = min(_INDEPENDENT / (samples.counts.shape[0] * samples.counts.shape[1]), 1.0)
-    return np.asarray(np.where(samples.valid, share / np.maximum(z / (_HUBER * scale), 1.0) / variance / scale**2, 0.0))
+    return np.asarray(np.where(samples.valid, share * huber_weights(z, _HUBER * scale) / variance / scale**2, 0.0))
 
 
 def _time_prior(exposure_times: Array) -> Array:

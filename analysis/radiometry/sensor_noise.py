@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.radiometry.exposure_ratios import estimate_exposure_ratios
 from analysis.radiometry.hdr import Sensor
+from analysis.robust import mad_sigma
 
 Array = NDArray[np.float64]
 
@@ -17,8 +18,6 @@ READ_NOISE = 3.0
 """Electrons that are assumed where pictures cannot tell."""
 
 _N_BINS, _LEAST_IN_BIN = 16, 50
-
-_MAD = 1.4826
 
 
 def assumed_sensor(saturation_level: float, black_level: float, step: float) -> Sensor:
@@ -72,6 +71,6 @@ def _binned(x: Array, y: Array, trusted: Array, r: float) -> Array | None:
         return None
     order = use[np.argsort(light[use], kind="stable")]
     bins = np.array_split(order, min(_N_BINS, len(order) // _LEAST_IN_BIN))
-    spread = [_MAD * float(np.median(np.abs(d - np.median(d)))) for d in ((y - r * x)[b] for b in bins)]
+    spread = [mad_sigma(d - np.median(d)) for d in ((y - r * x)[b] for b in bins)]
     rows = np.array([[(1.0 + r) * r * light[b].mean(), 1.0 + r * r, s * s] for b, s in zip(bins, spread, strict=True)])
     return rows[rows[:, 2] > 0.0]

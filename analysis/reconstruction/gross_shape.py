@@ -27,6 +27,7 @@ from analysis.pixels.samples import Samples
 from analysis.reconstruction.choices import Choice
 from analysis.reflectance.dictionary import Dictionary
 from analysis.registration.stack import Stack
+from analysis.robust import huber_weights, sandwich
 
 Array = NDArray[np.float64]
 
@@ -129,7 +130,7 @@ def _residuals(
 def _correction(r: Array, G: Array, b: Array, block: NDArray[np.int64]) -> tuple[Array, Array]:
     """Return c and its sigma."""
     ok = np.isfinite(r) & np.isfinite(G)
-    w = np.where(ok, 1.0 / np.maximum(np.abs(r) / _HUBER, 1.0), 0.0)
+    w = np.where(ok, huber_weights(r, _HUBER), 0.0)
     r, G = np.where(ok, r, 0.0), np.where(ok, G, 0.0)
     information, slope = np.sum(w * G * G, axis=0), np.sum(w * G * r, axis=0)
     normal = (b * information[:, None]).T @ b
@@ -137,7 +138,7 @@ def _correction(r: Array, G: Array, b: Array, block: NDArray[np.int64]) -> tuple
     c = -inverse @ (b.T @ slope)
     pull = np.zeros((int(block.max()) + 1, N_TERMS))
     np.add.at(pull, block, b * (slope + information * (b @ c))[:, None])
-    return c, np.sqrt(np.diag(inverse @ (pull.T @ pull) @ inverse))
+    return c, np.sqrt(np.diag(sandwich(inverse, pull)))
 
 
 def _basis(stack: Stack, pixels: NDArray[np.int64]) -> Array:

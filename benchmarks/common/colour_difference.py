@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from instrument.pictures.srgb import linear_from_srgb
+
 Array = NDArray[np.float64]
 
 _XYZ_FROM_SRGB = np.array(
@@ -16,8 +18,7 @@ _D65 = _XYZ_FROM_SRGB.sum(axis=1)
 
 def lab_from_srgb(display: Array) -> Array:
     """Return CIE L*a*b* under D65 of sRGB colours 0 to 1, last axis 3."""
-    linear = np.where(display <= 0.04045, display / 12.92, ((display + 0.055) / 1.055) ** 2.4)
-    t = linear @ _XYZ_FROM_SRGB.T / _D65
+    t = linear_from_srgb(display) @ _XYZ_FROM_SRGB.T / _D65
     f = np.where(t > (6 / 29) ** 3, np.cbrt(t), t / (3 * (6 / 29) ** 2) + 4 / 29)
     return np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from instrument.imports.capture_config import ResponseConfig
+from instrument.pictures.srgb import linear_from_srgb
 
 Curve = NDArray[np.float32]
 
@@ -30,7 +31,7 @@ def given_curve(response: ResponseConfig, n_counts: int, folder: Path) -> Curve 
     if response.gamma is None:
         return None
     v = np.linspace(0.0, 1.0, n_counts)
-    linear = _from_srgb(v) if response.gamma == "srgb" else v ** float(response.gamma)
+    linear = linear_from_srgb(v) if response.gamma == "srgb" else v ** float(response.gamma)
     return np.asarray(linear[None], np.float32)
 
 
@@ -67,8 +68,3 @@ def _read_rows(path: Path) -> tuple[list[str], NDArray[np.float64]]:
     if values.ndim != 2 or values.shape[1] != len(header) or not np.isfinite(values).all():
         raise CurveError(f"{path.name} is no table of finite numbers with a header")
     return header, values
-
-
-def _from_srgb(v: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Undo the curve of sRGB (IEC 61966-2-1)."""
-    return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)

@@ -172,9 +172,9 @@ files = ["b.jpg"]
     assert_same(path, back)
     with Session(path) as one, Session(back) as two:
         np.testing.assert_array_equal(one.extra.ambient(0), two.extra.ambient(0))
-        assert two.ambient(1) is None
-        np.testing.assert_array_equal(one.flat_images(0), two.flat_images(0))
-        np.testing.assert_array_equal(one.response_images(1), two.response_images(1))
+        assert two.extra.ambient(1) is None
+        np.testing.assert_array_equal(one.extra.flat_images(0), two.extra.flat_images(0))
+        np.testing.assert_array_equal(one.extra.response_images(1), two.extra.response_images(1))
 
 
 def test_a_response_curve_comes_back(tmp_path: Path) -> None:
