@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 FILE = click.Path(path_type=Path, dir_okay=False)
 FILES = ("bench.json", "bench.png", "accuracy.md")
-LARGEST_SEED = 2**32 - 1
+MAX_SEED = 2**32 - 1
 
 
 @click.command(epilog="Example: halfangle bench --quick -o out")
@@ -31,7 +31,7 @@ LARGEST_SEED = 2**32 - 1
     type=click.Path(path_type=Path, file_okay=False),
     help=f"Folder for {', '.join(FILES)}.",
 )
-@click.option("--seed", type=click.IntRange(0, LARGEST_SEED), help="Of the scenes [default: a fresh one].")
+@click.option("--seed", type=click.IntRange(0, MAX_SEED), help="Of the scenes [default: a fresh one].")
 @click.option(
     "--only",
     default="",
@@ -71,7 +71,7 @@ def bench(
     old_file = compare_with or kept_result(quick=quick)
     old = read_report(old_file) if compare_with or old_file.exists() else None
     chosen = run.selected(settings(quick=quick), only)
-    seed = secrets.randbelow(LARGEST_SEED) if seed is None else seed
+    seed = secrets.randbelow(MAX_SEED) if seed is None else seed
     click.echo(f"seed {seed}")
     with run_bar("bench", quiet=quiet) as (announce, track):
         report = run.bench(chosen, seed, announce, track) | {"quick": quick, "only": only}

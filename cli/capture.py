@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from instrument.rig.rig import OpenDevices
     from protocols.capture.engine import Outcome, Progress
 
-MOST_WARNINGS = 5
+MAX_WARNINGS = 5
 
 rig_option = click.option(
     "--rig", required=True, type=click.Path(path_type=Path), help="The rig: devices, geometry, boards (TOML)."
@@ -98,10 +98,10 @@ def _conclude(outcome: Outcome) -> None:
     from protocols.capture.engine import Finish
     from protocols.planning.plan import duration
 
-    for warning in outcome.warnings[:MOST_WARNINGS]:
+    for warning in outcome.warnings[:MAX_WARNINGS]:
         click.echo(f"warning: {warning}", err=True)
-    if len(outcome.warnings) > MOST_WARNINGS:
-        click.echo(f"warning: and {len(outcome.warnings) - MOST_WARNINGS} more, in the session's journal", err=True)
+    if len(outcome.warnings) > MAX_WARNINGS:
+        click.echo(f"warning: and {len(outcome.warnings) - MAX_WARNINGS} more, in the session's journal", err=True)
     took = f" in {duration(outcome.seconds)}" if outcome.finish is Finish.COMPLETE and outcome.seconds else ""
     click.echo(f"{outcome.path}: {outcome.n_complete} of {outcome.n_poses} poses, {outcome.message}{took}")
     if outcome.finish is not Finish.COMPLETE:

@@ -3,7 +3,8 @@
     python scripts/same_results.py BEFORE AFTER [BEFORE AFTER ...]
 
 For moves and clean-ups that must change no figure: keep a handful of files of the commit before, make them again with
-the same input and seed, and compare. Times, memory, versions and the file a thing was made of are left out. Exits with 1
+the same input and seed, and compare. Times, memory, versions and the file a thing was made of are left out. Exits
+with 1
 if anything differs.
 """
 

@@ -30,10 +30,10 @@ Array = NDArray[np.float64]
 
 HUBER = 3.0
 
-LEAST_FLOOR_PX = 0.003
+MIN_FLOOR_PX = 0.003
 """Sigma per axis that no corner is better than."""
 
-LEAST_PRINT_PX = 0.005
+MIN_PRINT_PX = 0.005
 """The same of the print, in pixels of the picture: the drawing it is compared with is no better either."""
 
 _FIRST_FLOOR_PX, _FIRST_PRINT_PX = 0.05, 0.02
@@ -196,14 +196,14 @@ def _noise(
     delta = state.layout.displacement
     left = np.trace(system.global_covariance()[freedom.n_rigid :, freedom.n_rigid :]) / noise.print_sigma**2
     n_known = max(delta.size - float(left), 1.0)
-    print_sigma = max(np.sqrt(np.sum(delta**2) / n_known), LEAST_PRINT_PX * mm_per_px)
+    print_sigma = max(np.sqrt(np.sum(delta**2) / n_known), MIN_PRINT_PX * mm_per_px)
     squares = np.concatenate([np.sum(r**2, axis=1) for r in system.residuals])
     own = np.concatenate([own_variance(c) for c in corners])
     n = 2 * len(squares)
     n_unknowns = 6 * len(corners) + freedom.n_rigid + n_known
     # Median of a chi-square of two degrees, and the degrees of freedom that the fit took.
     seen = np.median(squares) / 1.386 * n / max(n - n_unknowns, 1)
-    return CornerNoise(float(np.sqrt(max(seen - np.median(own), LEAST_FLOOR_PX**2))), float(print_sigma))
+    return CornerNoise(float(np.sqrt(max(seen - np.median(own), MIN_FLOOR_PX**2))), float(print_sigma))
 
 
 def own_variance(corners: BoardCorners) -> Array:

@@ -33,11 +33,11 @@ _SMALLEST, _LARGEST = 4, 14  # pixels from the corner to the edge of its patch
 
 _ROUNDS = 6
 
-_START_BLUR, _LEAST_BLUR, _MOST_BLUR = 0.12, 0.02, 2.0  # variance of the blur, pixels squared
+_START_BLUR, _MIN_BLUR, _MAX_BLUR = 0.12, 0.02, 2.0  # variance of the blur, pixels squared
 
 _N_FOUND = 8
 
-_LARGEST_SHIFT = 2.5  # pixels: beyond, the fit may have caught a neighbour's edge
+_MAX_SHIFT = 2.5  # pixels: beyond, the fit may have caught a neighbour's edge
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,8 +186,8 @@ def _align_one(
         _show(fine, blur, shown)
         noise = _fit(patch, channel, n_channels, shown, N, x)
         dx, dy = dx + x[-3], dy + x[-2]
-        blur = min(max(blur + x[-1], _LEAST_BLUR), _MOST_BLUR)
-        if not (abs(dx) <= _LARGEST_SHIFT and abs(dy) <= _LARGEST_SHIFT):
+        blur = min(max(blur + x[-1], _MIN_BLUR), _MAX_BLUR)
+        if not (abs(dx) <= _MAX_SHIFT and abs(dy) <= _MAX_SHIFT):
             return
     covariance = np.linalg.inv(N)[-3:-1, -3:-1] * noise
     contrast = x[n_channels : 2 * n_channels].mean()

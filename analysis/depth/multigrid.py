@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-SMALLEST_LEVEL = 64
+MIN_LEVEL = 64
 """Pixels at which a level is solved by its dense inverse."""
 
 OVERCORRECTION = 0.5
@@ -53,7 +53,7 @@ class PairSystem:
 
     def __init__(self, w_x: Array, w_y: Array) -> None:
         levels = [_level(w_x, w_y)]
-        while levels[-1].w_x.size > SMALLEST_LEVEL:
+        while levels[-1].w_x.size > MIN_LEVEL:
             levels.append(_coarser(levels[-1]))
         self.levels = levels
         self._coarsest = np.linalg.pinv(_dense(levels[-1]), rcond=1e-12, hermitian=True)

@@ -10,7 +10,7 @@ from analysis.depth.integration import integrate_slopes
 
 Array = NDArray[np.float64]
 
-LARGEST_DRAWN = 192
+MAX_DRAWN = 192
 """Pixels along the longer side at which noise is drawn for `depth_sigma`."""
 
 
@@ -49,7 +49,7 @@ def depth_sigma(
     valid = np.isfinite(normal_sigma)
     if not valid.any():
         return np.full(normal_sigma.shape, np.nan)
-    block = -(-max(normal_sigma.shape) // LARGEST_DRAWN)
+    block = -(-max(normal_sigma.shape) // MAX_DRAWN)
     sigma = _sigma_of_block_means(normal_sigma, block)
     variance = _drawn_variance(sigma, block * pitch, rng, n_draws, weighted)
     if block > 1:

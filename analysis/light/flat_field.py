@@ -33,7 +33,7 @@ WARN_GAIN = 2.0
 TEXTURE = 0.02
 """RMS of log radiance about the fit above which a plane is not blank."""
 
-LEAST_PICTURES = 3
+MIN_PICTURES = 3
 
 _CENTRE_SIGMA, _LOBE_SIGMA, _GRADIENT_SIGMA = 0.03, 3.0, 0.1
 
@@ -181,8 +181,8 @@ def square_view(focal_length_px: float, image_size: tuple[int, int], distance_mm
 
 def _pose_problems(views: list[View]) -> list[Problem]:
     """Say why views of a plane cannot tell vignetting and lobe apart."""
-    if len(views) < LEAST_PICTURES:
-        what = f"are {len(views)}; {LEAST_PICTURES} at different distances and tilts are needed, or one square card"
+    if len(views) < MIN_PICTURES:
+        what = f"are {len(views)}; {MIN_PICTURES} at different distances and tilts are needed, or one square card"
         return [Problem("flats", what)]
     distance = np.array([float(np.ravel(view.translation)[2]) for view in views])
     normal = np.stack([view.rotation[:, 2] for view in views])

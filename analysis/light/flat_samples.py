@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 N_ACROSS = 48
 """Blocks along the longer side of a picture."""
 
-MOST_CLIPPED = 0.01
+MAX_CLIPPED = 0.01
 """Share of a picture's pixels that may be clipped."""
 
 NOISIEST = 0.02
@@ -101,8 +101,8 @@ def _problems(picture: PlanePicture, size: tuple[int, ...]) -> list[Problem]:
         return [Problem(picture.name, what)]
     problems = []
     clipped = float(radiance.saturated.mean())
-    if clipped > MOST_CLIPPED:
-        what = f"is clipped in {clipped:.1%} of its pixels, allowed is {MOST_CLIPPED:.0%}; expose shorter"
+    if clipped > MAX_CLIPPED:
+        what = f"is clipped in {clipped:.1%} of its pixels, allowed is {MAX_CLIPPED:.0%}; expose shorter"
         problems.append(Problem(picture.name, what))
     noise = _noise(radiance)
     if not noise < NOISIEST:

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 N_LEARNT = 3000
 """At most so many pixels a palette is learnt from: their curves' error is then far below a pixel's own."""
 
-FEWEST_SOLVED = 20
+MIN_SOLVED = 20
 """Pixels of the grid below which no curve is learnt from them."""
 
 UNFIT_EXCESS = 0.05
@@ -112,7 +112,7 @@ class ScenePalette:
 def learn(
     stack: Stack, dictionary: Dictionary, noise: Noise, depth: Array | None, rng: np.random.Generator
 ) -> ScenePalette | None:
-    """Learn the palette of a scene; None if fewer than `FEWEST_SOLVED` of the grid's pixels can be solved.
+    """Learn the palette of a scene; None if fewer than `MIN_SOLVED` of the grid's pixels can be solved.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def learn(
     """
     rows, columns, problem = _grid(stack, dictionary, depth)
     own = problem.solve(noise)
-    if np.isfinite(own.normals[:, 0]).sum() < FEWEST_SOLVED:
+    if np.isfinite(own.normals[:, 0]).sum() < MIN_SOLVED:
         return None
     found = find_palette(problem, own, noise, rng)
     return ScenePalette(found, own, rows, columns, _unfit(found, own, len(rows), stack.n_views))

@@ -56,7 +56,7 @@ _N_BINS = 240  # of the pooled samples of a group over t
 # Priors of the logarithmic corrections: weak on their size, firmer on their bends; what was seen outweighs both.
 _SIGMA_SIZE, _SIGMA_BEND = 1.0, 0.2
 
-_LONGEST_CORRECTION = 1.0
+_MAX_CORRECTION = 1.0
 
 _DAMPINGS = (0.0, 0.03, 0.3)
 
@@ -233,7 +233,7 @@ class PaletteSearch:
         for damping in _DAMPINGS:
             damped = S + damping * np.diag(np.diag(S))
             change = cho_solve(cho_factor(damped), rhs).reshape(state.correction.shape)
-            change = np.clip(change, -_LONGEST_CORRECTION, _LONGEST_CORRECTION)
+            change = np.clip(change, -_MAX_CORRECTION, _MAX_CORRECTION)
             factor = np.exp(np.stack([[np.interp(NODES, KNOTS, c) for c in channels] for channels in change]))
             new = self.solve(Palette(state.palette.curve * factor), state, state.correction + change)
             if _objective(new.fits, limit) < _objective(state.fits, limit):

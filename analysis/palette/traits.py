@@ -59,7 +59,7 @@ _SIZES, _KIN = (0.2, 0.5, 1.0, 2.0), 3.0
 
 _SCALES = np.linspace(-4.0, 4.0, 81)  # of the radiances, in log
 
-_MOST_POOLED = 400  # pixels of a group that its curve is the median of
+_MAX_POOLED = 400  # pixels of a group that its curve is the median of
 
 _UNSEEN_DEG = 75.0  # beyond which fits are no measurement
 
@@ -256,7 +256,7 @@ def _typical(light: Array, total: Array) -> float:
 
 
 def _median_curve(fits: PixelFits, members: NDArray[np.int64], theta_h: Array) -> Array:
-    some = members[:: max(len(members) // _MOST_POOLED, 1)]
+    some = members[:: max(len(members) // _MAX_POOLED, 1)]
     angles = np.broadcast_to(theta_h, (len(some), len(theta_h)))
     return np.asarray(np.median(fits.select(some).brdf(Cosines.on_slice(angles)), axis=0))
 

@@ -35,7 +35,7 @@ _RELATIVE_ERRORS = (1e-4, 0.2)  # between which the truth lies
 _MEDIAN_CHI2 = 0.4549  # median of chi-square with one degree of freedom
 
 # Pixels a thread takes at a time: small enough to balance, large enough that handing over does not matter.
-_SMALLEST_CHUNK, _LARGEST_CHUNK, _CHUNKS_A_THREAD = 32, 512, 8
+_MIN_CHUNK, _MAX_CHUNK, _CHUNKS_A_THREAD = 32, 512, 8
 
 
 def n_threads() -> int:
@@ -205,7 +205,7 @@ class PixelProblem:
         )
 
         n = threads or n_threads()
-        size = min(max(n_pixels // (n * _CHUNKS_A_THREAD), _SMALLEST_CHUNK), _LARGEST_CHUNK)
+        size = min(max(n_pixels // (n * _CHUNKS_A_THREAD), _MIN_CHUNK), _MAX_CHUNK)
 
         def chunk(first: int) -> None:
             last = min(first + size, n_pixels)

@@ -61,7 +61,7 @@ _GOOD_SHARED_FIT = 1.2  # the same with a palette, which leaves less to the dict
 
 _SETTLED = 1e-3  # fall of the cost below which the step was the last: it moved the normal by 3 % of its sigma
 
-_LONGEST_STEP = 0.25  # rad; beyond it the slope of a curve means nothing
+_MAX_STEP = 0.25  # rad; beyond it the slope of a curve means nothing
 
 _CONVERGED_STEP = 1e-5  # rad, about 0.0006 deg
 
@@ -243,8 +243,8 @@ def _refine(
             d1 = (h11 * gradient[0] - H[0, 1] * gradient[1]) / determinant
             d2 = (h00 * gradient[1] - H[0, 1] * gradient[0]) / determinant
             length = math.sqrt(d1 * d1 + d2 * d2)
-            if length > _LONGEST_STEP:
-                d1, d2 = d1 * _LONGEST_STEP / length, d2 * _LONGEST_STEP / length
+            if length > _MAX_STEP:
+                d1, d2 = d1 * _MAX_STEP / length, d2 * _MAX_STEP / length
             shortest = length < _CONVERGED_STEP
             for i in range(3):
                 trial[i] = normal[i] + d1 * t1[i] + d2 * t2[i]

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 WARN_DEVIATION = 0.01
 """Relative difference from the nominal ratio above which a report warns."""
 
-_LEAST_PIXELS = 100
+_MIN_PIXELS = 100
 
 _SYSTEMATIC = 0.001  # of a ratio: what the sensor's departure from linearity may feign
 
@@ -164,7 +164,7 @@ def _ratio(x: Array, y: Array, trusted: Array, nominal: float, sensor: Sensor) -
         best, var_x, var_y = _best_estimate(x, y - c, r, sensor)
         use = (best > _DARKEST * np.sqrt(sensor.read_variance)) & (r * best < _BRIGHTEST * trusted)
         n = int(np.count_nonzero(use))
-        if n < _LEAST_PIXELS:
+        if n < _MIN_PIXELS:
             return np.nan, np.inf, n, np.nan, np.inf
         variance = (var_y + r * r * var_x)[use]
         r, c, covariance = _instrumental_fit(x[use], y[use], best[use], variance, r, c, black_sigma)

@@ -30,7 +30,7 @@ Counts = NDArray[np.uint16] | NDArray[np.float32]
 CLIP_MARGIN = 0.01
 """Share of the range below the clipping level that is not trusted: the response bends before it clips."""
 
-_LEAST_VARIANCE = 1e-20  # keeps weights finite for floating-point pictures without any read noise
+_MIN_VARIANCE = 1e-20  # keeps weights finite for floating-point pictures without any read noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +118,7 @@ def merge_bracket(counts: Counts, exposure_times: Array, dark: Array32 | Array, 
         _dark_rows(dark, counts),
         _cell_rows(limit, rows.shape[2]),
         np.float32(1.0 / sensor.conversion_gain),
-        np.float32(max(sensor.read_variance, _LEAST_VARIANCE)),
+        np.float32(max(sensor.read_variance, _MIN_VARIANCE)),
     )
     shape = counts.shape[1:]
     return Radiance(mean.reshape(shape), variance.reshape(shape), saturated.reshape(shape), valid.reshape(shape))

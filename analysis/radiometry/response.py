@@ -19,7 +19,7 @@ N_LEVELS = 256
 COUNT_SIGMA = 1.0
 """Noise of a count of a non-linear picture, rounding and compression included."""
 
-_LEAST_LEVELS = 16
+_MIN_LEVELS = 16
 
 _TITLE = "The response curve cannot be used."
 
@@ -88,8 +88,8 @@ def table_response(table: Array) -> Response:
     """
     curve = np.atleast_2d(np.asarray(table, np.float64))
     problems = []
-    if curve.ndim != 2 or len(curve) not in (1, 3) or curve.shape[1] < _LEAST_LEVELS:
-        what = f"has the shape {curve.shape}; allowed are 1 or 3 rows of {_LEAST_LEVELS} levels at least"
+    if curve.ndim != 2 or len(curve) not in (1, 3) or curve.shape[1] < _MIN_LEVELS:
+        what = f"has the shape {curve.shape}; allowed are 1 or 3 rows of {_MIN_LEVELS} levels at least"
         raise_if_any(_TITLE, [Problem("response", what)])
     if not np.isfinite(curve).all() or curve.min(initial=0.0) < 0.0:
         problems.append(Problem("response", "has negative or missing values; exposure is 0 or more"))

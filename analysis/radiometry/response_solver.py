@@ -55,11 +55,11 @@ _BLOCKS_ACROSS = 75  # the shorter side
 
 _EVEN_SHARE = 0.5  # of all blocks, the most even ones
 
-_LEAST_USABLE = 0.001  # share of a picture's blocks
+_MIN_USABLE = 0.001  # share of a picture's blocks
 
-_LEAST_STOPS = 2.0
+_MIN_STOPS = 2.0
 
-_LEAST_EXPOSURES = 3
+_MIN_EXPOSURES = 3
 
 _TITLE = "The response curve cannot be found from this bracket."
 
@@ -284,16 +284,16 @@ def _shape_problems(pictures: NDArray[np.uint8], exposure_times: Array) -> list[
 
 def _range_problems(valid: NDArray[np.bool_], exposure_times: Array) -> list[Problem]:
     """Say why a bracket with such valid blocks (n_exposures, n_blocks, n_channels) cannot tell the curve."""
-    usable = valid.mean(axis=1).min(axis=-1) > _LEAST_USABLE
+    usable = valid.mean(axis=1).min(axis=-1) > _MIN_USABLE
     if not usable.any():
         return [Problem("pictures", "are clipped or black everywhere; take some between")]
     problems = []
-    if usable.sum() < _LEAST_EXPOSURES:
-        what = f"{usable.sum()} of {len(usable)} are neither clipped nor black; {_LEAST_EXPOSURES} at least are needed"
+    if usable.sum() < _MIN_EXPOSURES:
+        what = f"{usable.sum()} of {len(usable)} are neither clipped nor black; {_MIN_EXPOSURES} at least are needed"
         problems.append(Problem("pictures", what))
     stops = float(np.log2(exposure_times[usable].max() / exposure_times[usable].min()))
-    if stops < _LEAST_STOPS:
-        what = f"of usable pictures span {stops:.1f} stops; {_LEAST_STOPS:g} at least are needed, 6 are good"
+    if stops < _MIN_STOPS:
+        what = f"of usable pictures span {stops:.1f} stops; {_MIN_STOPS:g} at least are needed, 6 are good"
         problems.append(Problem("exposure times", what))
     return problems
 

@@ -21,9 +21,9 @@ Array = NDArray[np.float64]
 Histogram = NDArray[np.int64]
 
 PILE_UP_SHARE = 1e-5
-"""Share of the pixels that must stand in the pile-up before it is believed, and at least `_LEAST_PIXELS` of them."""
+"""Share of the pixels that must stand in the pile-up before it is believed, and at least `_MIN_PIXELS` of them."""
 
-_LEAST_PIXELS = 20
+_MIN_PIXELS = 20
 
 _CONTRAST = 10.0  # pixels in the pile-up over pixels in as many counts below it; an even light reaches 4
 
@@ -122,7 +122,7 @@ def _window_of_pile_up(histogram: Array, width: int) -> int | None:
     low, far = np.maximum(k + 1 - width, 0), np.maximum(k + 1 - 5 * width, 0)
     inside, above = total[k + 1] - total[low], total[-1] - total[k + 1]
     beside = (total[low] - total[far]) / 4.0
-    enough = max(PILE_UP_SHARE * total[-1], _LEAST_PIXELS)
+    enough = max(PILE_UP_SHARE * total[-1], _MIN_PIXELS)
     passes = (inside >= enough) & (above <= _ABOVE * inside) & (inside > _CONTRAST * (beside + 1.0))
     return int(np.argmax(np.where(passes, inside, 0.0))) if passes.any() else None
 

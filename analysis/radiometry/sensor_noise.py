@@ -17,7 +17,7 @@ FULL_WELL = 15_000.0
 READ_NOISE = 3.0
 """Electrons that are assumed where pictures cannot tell."""
 
-_N_BINS, _LEAST_IN_BIN = 16, 50
+_N_BINS, _MIN_IN_BIN = 16, 50
 
 
 def assumed_sensor(saturation_level: float, black_level: float, step: float) -> Sensor:
@@ -67,10 +67,10 @@ def _binned(x: Array, y: Array, trusted: Array, r: float) -> Array | None:
     """Return rows ((1 + r) r x, 1 + r^2, variance of y - r x) for bins of brightness."""
     light = (x + y) / (1.0 + r)
     use = np.flatnonzero((light > 0.0) & (r * light < 0.9 * trusted)) if np.isfinite(r) else np.empty(0, np.int64)
-    if len(use) < 4 * _LEAST_IN_BIN:
+    if len(use) < 4 * _MIN_IN_BIN:
         return None
     order = use[np.argsort(light[use], kind="stable")]
-    bins = np.array_split(order, min(_N_BINS, len(order) // _LEAST_IN_BIN))
+    bins = np.array_split(order, min(_N_BINS, len(order) // _MIN_IN_BIN))
     spread = [mad_sigma(d - np.median(d)) for d in ((y - r * x)[b] for b in bins)]
     rows = np.array([[(1.0 + r) * r * light[b].mean(), 1.0 + r * r, s * s] for b, s in zip(bins, spread, strict=True)])
     return rows[rows[:, 2] > 0.0]

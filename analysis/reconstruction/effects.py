@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.light.offset import FEW_VIEWS, estimate_light_offset, pooled_light_offset
-from analysis.palette.scene import FEWEST_SOLVED, NO_PALETTE_SHARE, ScenePalette, learn, relearn
+from analysis.palette.scene import MIN_SOLVED, NO_PALETTE_SHARE, ScenePalette, learn, relearn
 from analysis.pixels.parallax import follow_pixels, parallax_shift
 from analysis.pixels.problem import Noise, PixelProblem, estimate_noise, sample_pixels
 from analysis.reconstruction.choices import FORCED, Choice, Chosen
@@ -23,13 +23,13 @@ from analysis.registration.stack import Stack
 
 Array = NDArray[np.float64]
 
-SMALLEST_PARALLAX_PX = 0.1
+MIN_PARALLAX_PX = 0.1
 """A shift of the views by less is not worth resampling them for."""
 
 FAR_FIELD_DEG = 0.02
 """Directions that differ by less over the area are all the same."""
 
-FEWEST_PIXELS = 400
+MIN_PIXELS = 400
 """A palette is not looked for in fewer."""
 
 POWER_ERROR, POWER_GAIN = 0.004, 0.02
@@ -85,12 +85,12 @@ def choose_palette(
         return _no_palette(FORCED)
     if not surface:
         return _no_palette("independent pixels share no materials")
-    n_pixels = len(sample_pixels(stack, FEWEST_PIXELS, rng))
-    if palette == "auto" and n_pixels < FEWEST_PIXELS:
-        return _no_palette(f"{n_pixels} pixels are too few to tell materials; {FEWEST_PIXELS} are enough")
+    n_pixels = len(sample_pixels(stack, MIN_PIXELS, rng))
+    if palette == "auto" and n_pixels < MIN_PIXELS:
+        return _no_palette(f"{n_pixels} pixels are too few to tell materials; {MIN_PIXELS} are enough")
     scene = learn(stack, dictionary, noise, None, rng)
     if scene is None:
-        return _no_palette(f"fewer than {FEWEST_SOLVED} pixels could be solved on their own")
+        return _no_palette(f"fewer than {MIN_SOLVED} pixels could be solved on their own")
     n, unfit = scene.found.palette.n_materials, 100.0 * scene.unfit_share
     losses = f"mean log(1 + loss) {scene.found.loss:.3f} with it, {scene.found.own_loss:.3f} of pixels on their own"
     if palette == "auto" and scene.unfit_share > NO_PALETTE_SHARE:
@@ -190,7 +190,7 @@ def choose_parallax(
     pixels = sample_pixels(stack, 1500, rng)
     shift = np.linalg.norm(parallax_shift(stack, depth, pixels), axis=-1)
     largest = float(np.percentile(shift, 99))
-    if largest < SMALLEST_PARALLAX_PX:
+    if largest < MIN_PARALLAX_PX:
         return Chosen(False, Choice("parallax", "off", f"the depth moves the views by {largest:.2f} pixels at most"))
     moved = np.sort(pixels[np.argsort(shift.max(axis=0))[len(pixels) // 2 :]])
     loss = {
@@ -230,7 +230,7 @@ def depth_has_settled(stack: Stack, used: Array, found: Array, follow: bool, n_u
     text = f"another would turn directions by {turn:.2g} deg"
     if follow:
         text += f" and move the views by {shift:.2g} pixels"
-    settled = turn < FAR_FIELD_DEG and shift < SMALLEST_PARALLAX_PX
+    settled = turn < FAR_FIELD_DEG and shift < MIN_PARALLAX_PX
     return Chosen(settled, Choice("depth updates", str(n_updates), text))
 
 

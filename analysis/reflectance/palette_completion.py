@@ -29,7 +29,7 @@ _N_SAMPLES = 48  # of a curve that its completion is asked from
 
 _PEAK = 5.0  # times the curve at the smallest half angle seen: what nobody saw must not outshine it by more
 
-_LEAST_SIGMA = 0.003  # relative, of a curve: no dictionary follows it closer
+_MIN_SIGMA = 0.003  # relative, of a curve: no dictionary follows it closer
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def complete_palette(palette: Palette, relative_sigma: Array, seen: Array) -> Ma
     atoms, bands = [], []
     for k in range(n_materials):
         for ch in range(n_channels):
-            curve, sigma = palette.curve[k, ch], np.maximum(relative_sigma[k, ch], _LEAST_SIGMA)
+            curve, sigma = palette.curve[k, ch], np.maximum(relative_sigma[k, ch], _MIN_SIGMA)
             theta = np.linspace(seen[k, 0], seen[k, 1], _N_SAMPLES)
             t = np.sqrt(1.0 - np.cos(theta))
             value = np.interp(t, NODES, curve)

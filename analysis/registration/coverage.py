@@ -20,7 +20,7 @@ BIN_DEG = 5.0
 JUDGED_TO_DEG = 40.0
 """Half angles up to which a gap is told; beyond, curves are nearly flat."""
 
-FEWEST, FEWEST_FIRST = 1.0, 0.5
+MIN_VIEWS, MIN_VIEWS_FIRST = 1.0, 0.5
 """Views that the typical slope should have in each bin, and in the first one, which is small."""
 
 _CLEARLY = 0.25  # views
@@ -129,7 +129,7 @@ def _unit(vectors: Array) -> Array:
 def _lacking(views: Array) -> Array:
     """Return how many views are missing in each judged bin."""
     n = round(JUDGED_TO_DEG / BIN_DEG)
-    wanted = np.where(np.arange(n) == 0, FEWEST_FIRST, FEWEST)
+    wanted = np.where(np.arange(n) == 0, MIN_VIEWS_FIRST, MIN_VIEWS)
     return np.maximum(wanted - views[:n], 0.0)
 
 

@@ -19,7 +19,7 @@ from instrument.files.validation import InvalidInputError, Problem
 
 Array = NDArray[np.float64]
 
-LARGEST_BYTES = 2**28
+MAX_BYTES = 2**28
 """A thousand views of a thousand corners take half of it."""
 
 
@@ -93,8 +93,8 @@ def read_calibration(path: Path) -> SavedCalibration:
         If it cannot be read, or is something else.
     """
     try:
-        if path.stat().st_size > LARGEST_BYTES:
-            raise ValueError(f"it has more than {LARGEST_BYTES // 2**20} MiB")
+        if path.stat().st_size > MAX_BYTES:
+            raise ValueError(f"it has more than {MAX_BYTES // 2**20} MiB")
         return _calibration(parse_json(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         what = f"is not what `halfangle calibrate --json` writes ({type(error).__name__}: {error}). Calibrate again"

@@ -11,7 +11,7 @@ from analysis.drawing.figures import STYLE, png, scalar_map
 from analysis.light.flat_field import FlatField
 from analysis.light.photometry import Photometry, WhiteSamples
 from analysis.radiometry.response import Response
-from analysis.registration.coverage import BIN_DEG, FEWEST, FEWEST_FIRST, JUDGED_TO_DEG, Coverage
+from analysis.registration.coverage import BIN_DEG, JUDGED_TO_DEG, MIN_VIEWS, MIN_VIEWS_FIRST, Coverage
 
 Array = NDArray[np.float64]
 
@@ -93,8 +93,8 @@ def half_angles(reached: Coverage) -> bytes:
             axes.stairs(reached.all_over, reached.edges_deg, fill=True, color="0.85", label="all")
             for name, views in parts.items():
                 axes.stairs(views, reached.edges_deg, label=name, linewidth=1.2)
-            axes.hlines(FEWEST, BIN_DEG, JUDGED_TO_DEG, color="tab:red", linewidth=0.8, linestyle="--")
-            axes.hlines(FEWEST_FIRST, 0.0, BIN_DEG, color="tab:red", linewidth=0.8, linestyle="--")
+            axes.hlines(MIN_VIEWS, BIN_DEG, JUDGED_TO_DEG, color="tab:red", linewidth=0.8, linestyle="--")
+            axes.hlines(MIN_VIEWS_FIRST, 0.0, BIN_DEG, color="tab:red", linewidth=0.8, linestyle="--")
             axes.set(xlabel="half angle θh (deg)", title=title, ylabel="views a bin of 5 deg" if place == 1 else "")
             axes.legend(fontsize=8)
         return png(figure)

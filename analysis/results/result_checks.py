@@ -14,7 +14,7 @@ from instrument.files.validation import Problem
 
 Shape = tuple[int | str, ...]
 
-LARGEST_COEFFICIENT = 1e12
+MAX_COEFFICIENT = 1e12
 """No BRDF comes near it, and squares of it are still numbers."""
 
 # The depth comes first: all maps have its shape. C channels, J atoms of a pixel, K atoms in all.
@@ -72,9 +72,9 @@ def value_problems(fits: PixelFits, grid: Grid) -> Iterator[Problem]:
     """Yield which values of solved pixels nothing can be predicted from."""
     solved = np.asarray(np.isfinite(fits.normals).all(axis=1))
     used = np.where((fits.atom >= 0) & solved[:, None, None], fits.coefficient, 0.0)
-    n_bad = int(np.count_nonzero(~(np.abs(used) <= LARGEST_COEFFICIENT).all(axis=(1, 2))))
+    n_bad = int(np.count_nonzero(~(np.abs(used) <= MAX_COEFFICIENT).all(axis=(1, 2))))
     if n_bad:
-        yield Problem("/entry/brdf/coefficient", f"is not finite, or beyond {LARGEST_COEFFICIENT:g}, in {n_bad} pixels")
+        yield Problem("/entry/brdf/coefficient", f"is not finite, or beyond {MAX_COEFFICIENT:g}, in {n_bad} pixels")
     seen = fits.theta_h_range[solved]
     if not bool(np.all((seen >= 0.0) & (seen <= np.pi / 2 + 1e-6) & (seen[:, :1] <= seen[:, 1:]))):
         yield Problem("/entry/result/theta_h_range", "must ascend within 0 to pi / 2 wherever there is a normal")

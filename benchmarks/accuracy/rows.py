@@ -41,7 +41,7 @@ FAR_OFF_DEG = 5.0
 
 N_ANGLES = 12
 
-LARGEST_HALF_ANGLE = float(np.deg2rad(80.0))
+MAX_HALF_ANGLE = float(np.deg2rad(80.0))
 """Beyond it no curve is judged: the samples there are nearly dark."""
 
 _RESAMPLINGS = 100  # for the standard error of a median
@@ -124,7 +124,7 @@ def seen_half_angles(scene: Scene) -> Array:
         h = to_light + to_camera
         cosine = np.sum(normals * h, axis=1) / np.linalg.norm(h, axis=1)
         theta = np.arccos(np.clip(cosine, -1.0, 1.0))
-        seen = (theta < LARGEST_HALF_ANGLE) & (np.sum(normals * to_light, axis=1) > 0.0)
+        seen = (theta < MAX_HALF_ANGLE) & (np.sum(normals * to_light, axis=1) > 0.0)
         low, high = np.where(seen, np.minimum(low, theta), low), np.where(seen, np.maximum(high, theta), high)
     low = np.minimum(low, high)
     return np.asarray(low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, N_ANGLES))

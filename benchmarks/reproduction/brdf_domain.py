@@ -26,7 +26,7 @@ PHI_D = np.deg2rad(np.arange(0.0, 180.0, 22.5))
 BANDS_DEG = ((0.0, 15.0), (15.0, 30.0), (30.0, 45.0), (45.0, 60.0), (60.0, 75.0))
 """Of theta_d; each includes its lower end, and the last one both."""
 
-LARGEST_DEG = BANDS_DEG[-1][1]
+MAX_DEG = BANDS_DEG[-1][1]
 
 OFFSET = 1e-3
 """1/sr, of the error in the logarithm [nielsen2015]."""
@@ -48,14 +48,14 @@ class Domain:
 
     @classmethod
     def whole(cls) -> Domain:
-        """Return all nodes up to `LARGEST_DEG` with light and view high enough."""
+        """Return all nodes up to `MAX_DEG` with light and view high enough."""
         shape = (len(THETA_H), len(THETA_D), len(PHI_D))
         i_h, i_d, i_phi = (grid.ravel() for grid in np.indices(shape))
         every = cls(i_h, i_d, i_phi)
         lowest = np.minimum(*every.angles.n_dot_l_and_v)
         # Whole degrees are meant: rounding must not lose the last band's end.
         high = lowest > np.sin(np.deg2rad(LOWEST_ELEVATION_DEG)) + 1e-9
-        kept = high & (every.theta_d_deg <= LARGEST_DEG + 1e-6)
+        kept = high & (every.theta_d_deg <= MAX_DEG + 1e-6)
         return cls(i_h[kept], i_d[kept], i_phi[kept])
 
     @cached_property
@@ -77,7 +77,7 @@ class Domain:
     def band(self, low_deg: float, high_deg: float) -> NDArray[np.bool_]:
         """Return which nodes lie in a band of theta_d, its upper end only where it is the last."""
         above = self.theta_d_deg >= low_deg - 1e-6
-        last = high_deg >= LARGEST_DEG
+        last = high_deg >= MAX_DEG
         return above & (self.theta_d_deg <= high_deg + 1e-6 if last else self.theta_d_deg < high_deg - 1e-6)
 
     def up_to(self, theta_d_deg: float) -> NDArray[np.bool_]:

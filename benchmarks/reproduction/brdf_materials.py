@@ -29,7 +29,7 @@ from benchmarks.reproduction.experiment import Request, SkippedError
 
 Array = NDArray[np.float64]
 
-LEAST_MATERIALS = N_ALIKE // 3 + 2
+MIN_MATERIALS = N_ALIKE // 3 + 2
 """Of a folder: what one left out leaves must do as a dictionary."""
 
 TABLES = (("sgd", "abc"), ("abc", "sgd"))
@@ -215,9 +215,9 @@ def measured(folder: Path) -> Collection:
         With all that is wrong with any of them.
     """
     n_files = sum(path.suffix.lower() == SUFFIX for path in folder.iterdir()) if folder.is_dir() else 0
-    if n_files < LEAST_MATERIALS:
+    if n_files < MIN_MATERIALS:
         raise SkippedError(
-            f"{folder} holds {n_files} {SUFFIX} files; at least {LEAST_MATERIALS} are needed, so that one left out "
+            f"{folder} holds {n_files} {SUFFIX} files; at least {MIN_MATERIALS} are needed, so that one left out "
             "leaves a dictionary. Name the folder that the whole MERL database was unpacked to."
         )
     tables = build_dictionary(folder)

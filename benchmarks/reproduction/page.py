@@ -13,7 +13,7 @@ from benchmarks.reproduction.run_experiment import load
 
 WIDTH = 120
 
-MOST_ROWS = 16
+MAX_ROWS = 16
 """Of a table on the page; a longer one stands in `table.csv` of the experiment's folder."""
 
 Result = dict[str, Any]
@@ -72,7 +72,7 @@ def _section(result: Result, experiment: Experiment, pictures: Sequence[str]) ->
 
 def _rows(result: Result) -> Iterator[str]:
     rows = result["rows"]
-    if 0 < len(rows) <= MOST_ROWS:
+    if 0 < len(rows) <= MAX_ROWS:
         yield _table([tuple(rows[0]), *(tuple(_cell(value) for value in row.values()) for row in rows)])
     elif rows:
         yield f"The table of {len(rows)} rows is `{result['name']}/table.csv` in the command's folder."

@@ -25,7 +25,7 @@ from scipy.optimize import least_squares
 
 Array = NDArray[np.float64]
 
-LEAST_COSINE = 1e-6
+MIN_COSINE = 1e-6
 """Of "theta_h = pi / 2": the limit is taken here, since some models divide by the cosine."""
 
 DIFFUSE_SHARE = 0.05
@@ -165,7 +165,7 @@ def closed_form(model: SliceModel, theta_h: Array, f: Array, noise: float) -> Ar
     ndarray, shape (3,)
         NaN where no line can be drawn.
     """
-    c = np.maximum(np.cos(theta_h), LEAST_COSINE)
+    c = np.maximum(np.cos(theta_h), MIN_COSINE)
     n_dark = max(round(DIFFUSE_SHARE * len(c)), 1) if noise > 0.0 else 1
     scale = max(float(np.median((f / model.diffuse_shape(c))[-n_dark:])), 0.0)
     diffuse = scale * model.diffuse_shape(c)
@@ -186,7 +186,7 @@ def closed_form(model: SliceModel, theta_h: Array, f: Array, noise: float) -> Ar
 
 def non_linear(model: SliceModel, theta_h: Array, f: Array, starts: list[Array]) -> Array:
     """Fit by least squares of relative differences over the logarithms of the parameters; the best of all starts."""
-    c = np.maximum(np.cos(theta_h), LEAST_COSINE)
+    c = np.maximum(np.cos(theta_h), MIN_COSINE)
 
     def residual(q: Array) -> Array:
         with np.errstate(over="ignore", invalid="ignore"):

@@ -28,7 +28,7 @@ from analysis.reflectance.completion import (
 from analysis.reflectance.dictionary import Dictionary, from_published
 from analysis.reflectance.models import Array
 
-SMALLEST_DEG, N_SAMPLES = 1.0, 65
+MIN_DEG, N_SAMPLES = 1.0, 65
 
 LOWEST_ELEVATION = float(np.cos(np.deg2rad(80.0)))
 """Cosine of light and view below which a cell is not scored."""
@@ -79,7 +79,7 @@ def regions(largest_deg: float) -> dict[str, Array]:
     """Return which nodes are scored together, by the name of the region."""
     high = np.cos(THETA_H)[:, None] * np.cos(THETA_D) > LOWEST_ELEVATION
     theta_h, theta_d = np.rad2deg(THETA_H)[:, None], np.rad2deg(THETA_D)
-    outside = (theta_h > largest_deg) | (theta_h < SMALLEST_DEG)
+    outside = (theta_h > largest_deg) | (theta_h < MIN_DEG)
     return {
         "0-20": high & (theta_d > 0.0) & (theta_d < 20.0),
         "20-50": high & (theta_d >= 20.0) & (theta_d < 50.0),
@@ -91,7 +91,7 @@ def regions(largest_deg: float) -> dict[str, Array]:
 def run(trial: Trial, estimator: Estimator, step: int = 1) -> tuple[Array, Array, Array, float]:
     """Complete every `step`-th material; return estimates, truths, log sigmas and seconds a material."""
     rng = np.random.default_rng(0)
-    theta_h = np.deg2rad(np.linspace(SMALLEST_DEG, trial.largest_deg, N_SAMPLES))
+    theta_h = np.deg2rad(np.linspace(MIN_DEG, trial.largest_deg, N_SAMPLES))
     atoms = from_published(trial.truth).atoms
     tested = [atoms[3 * i + i % 3] for i in range(0, len(atoms) // 3, step)]
     completed, seconds = [], 0.0

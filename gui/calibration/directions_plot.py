@@ -16,7 +16,7 @@ from gui.widgets.plots import OKABE_ITO, Plot
 
 RING_DEG = 15
 
-_LEAST_RINGS = 3
+_MIN_RINGS = 3
 
 _STEPS = {Qt.Key.Key_Left: -1, Qt.Key.Key_Up: -1, Qt.Key.Key_Right: 1, Qt.Key.Key_Down: 1}
 
@@ -54,7 +54,7 @@ class DirectionsPlot(Plot):
         names = [self.tr("pose {pose}, tilt {tilt:.0f} deg") for _ in views]
         tips = [n.format(pose=v.i_pose, tilt=np.rad2deg(v.tilt)) for n, v in zip(names, views, strict=True)]
         self.dots.setData(pos=self._places, data=tips, tip=lambda x, y, data: data)
-        n_rings = max(int(np.ceil(np.rad2deg(tilt.max(initial=0.0)) / RING_DEG)), _LEAST_RINGS)
+        n_rings = max(int(np.ceil(np.rad2deg(tilt.max(initial=0.0)) / RING_DEG)), _MIN_RINGS)
         self._draw_rings(n_rings)
         self.pick(None)
 

@@ -7,7 +7,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import QWidget
 
-from analysis.registration.coverage import BIN_DEG, FEWEST, FEWEST_FIRST, JUDGED_TO_DEG, Coverage
+from analysis.registration.coverage import BIN_DEG, JUDGED_TO_DEG, MIN_VIEWS, MIN_VIEWS_FIRST, Coverage
 from gui.widgets.plots import OKABE_ITO, Plot
 from gui.widgets.text import QT_TRANSLATE_NOOP
 
@@ -47,8 +47,10 @@ class HalfAnglesPlot(Plot):
                 told = QCoreApplication.translate("HalfAnglesPlot", text)
                 pen = pg.mkPen(colour, width=2, style=style)
                 self.plot(reached.edges_deg, views, stepMode="center", pen=pen, name=told)
-        wanted = np.array([[0.0, FEWEST_FIRST], [BIN_DEG, FEWEST_FIRST], [BIN_DEG, FEWEST], [JUDGED_TO_DEG, FEWEST]])
+        wanted = np.array(
+            [[0.0, MIN_VIEWS_FIRST], [BIN_DEG, MIN_VIEWS_FIRST], [BIN_DEG, MIN_VIEWS], [JUDGED_TO_DEG, MIN_VIEWS]]
+        )
         self.plot(*wanted.T, connect="pairs", pen=pg.mkPen(OKABE_ITO["vermillion"], width=2))
         # Room above for the legend.
         highest = max(float(np.max(views)) for views in (reached.all_over, *reached.slopes.values()))
-        self.setRange(xRange=(0.0, 90.0), yRange=(0.0, _HEADROOM * max(highest, FEWEST)), padding=0.02)
+        self.setRange(xRange=(0.0, 90.0), yRange=(0.0, _HEADROOM * max(highest, MIN_VIEWS)), padding=0.02)

@@ -37,7 +37,7 @@ TITLES = {
 }
 """What the operator reads, by the names of `analysis.results.maps.MAPS`."""
 
-_FEWEST_LETTERS = 8  # of a map's title
+_MIN_LETTERS = 8  # of a map's title
 
 _LIGHT_HEIGHT, _CAMERA_HEIGHT = 0.8, 2.0  # of what relights, in widths of the area
 
@@ -65,7 +65,7 @@ class ResultTab(QWidget):
             self.map_box.addItem(QCoreApplication.translate("ResultTab", title), name)
         # As narrow as it has to be: the texts are longer than a small screen has room for.
         self.map_box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        self.map_box.setMinimumContentsLength(_FEWEST_LETTERS)
+        self.map_box.setMinimumContentsLength(_MIN_LETTERS)
         self.picture = Picture()
         self.picture.setAccessibleName(self.tr("Map of the result"))
         self.mark = _mark()

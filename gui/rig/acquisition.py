@@ -25,7 +25,7 @@ FIRST_EXPOSURE_TIME = 0.01
 LEASE = 2.0
 """Seconds for which the light outlives an exposure, and for which the window may keep silent."""
 
-SHORTEST_PERIOD = 1 / 40
+MIN_PERIOD = 1 / 40
 """Seconds from one frame to the next: a little less than a picture that looks smooth needs, and no more than the cores
 can do beside other work."""
 
@@ -149,7 +149,7 @@ class Acquisition(QThread):
     def _expose(self, rig: Rig) -> None:
         if not self._live.is_set():
             return
-        time.sleep(max(0.0, self._last_frame_at + SHORTEST_PERIOD - time.monotonic()))
+        time.sleep(max(0.0, self._last_frame_at + MIN_PERIOD - time.monotonic()))
         self._last_frame_at = time.monotonic()
         state = rig.light.on(rig.config.light.level, self._exposure_time + LEASE)
         self.light_changed.emit(LightSign.ON if state.lit else LightSign.OFF)

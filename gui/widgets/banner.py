@@ -14,7 +14,7 @@ FAULT_STYLE = _STYLE.format("#a00000", "white")
 
 WARNING_STYLE = _STYLE.format("#f0c000", "black")
 
-_MOST_TEXTS = 5
+_MAX_TEXTS = 5
 
 
 class Banner(QWidget):
@@ -58,7 +58,7 @@ class Banner(QWidget):
     def _show(self, text: str, *, is_fault: bool) -> None:
         self._texts[text] = is_fault or self._texts.get(text, False)
         # A fault is not pushed out by the warnings that come after it.
-        for old in sorted(self._texts, key=self._texts.__getitem__)[: max(0, len(self._texts) - _MOST_TEXTS)]:
+        for old in sorted(self._texts, key=self._texts.__getitem__)[: max(0, len(self._texts) - _MAX_TEXTS)]:
             del self._texts[old]
         words = {True: self.tr("FAULT"), False: self.tr("WARNING")}
         self._label.setText("\n".join(f"{words[fault]}: {text}" for text, fault in self._texts.items()))

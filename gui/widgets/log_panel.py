@@ -18,7 +18,7 @@ LEVELS = {
     logging.ERROR: QT_TRANSLATE_NOOP("LogPanel", "Errors"),
 }
 
-_MOST_LINES = 2000
+_MAX_LINES = 2000
 
 
 class LogRelay(logging.Handler):
@@ -43,14 +43,14 @@ class LogPanel(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._lines: deque[tuple[int, str]] = deque(maxlen=_MOST_LINES)
+        self._lines: deque[tuple[int, str]] = deque(maxlen=_MAX_LINES)
         self._newest = ""
         self.level_box = QComboBox()
         for level, text in LEVELS.items():
             self.level_box.addItem(self.tr(text), level)
         self.level_box.setCurrentIndex(list(LEVELS).index(logging.INFO))
         self.level_box.currentIndexChanged.connect(self._show_all)
-        self.text = QPlainTextEdit(readOnly=True, maximumBlockCount=_MOST_LINES)
+        self.text = QPlainTextEdit(readOnly=True, maximumBlockCount=_MAX_LINES)
         self.text.setAccessibleName(self.tr("Log"))
         # Tab goes on to the next part of the window: nobody writes in here.
         self.text.setTabChangesFocus(True)

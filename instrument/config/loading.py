@@ -27,7 +27,7 @@ Misfits = Callable[[dict[str, Any]], Iterator[tuple[KeyPath, str]]]
 MAX_BYTES = 1_000_000
 
 # More than that nobody reads.
-MOST_PROBLEMS = 100
+MAX_PROBLEMS = 100
 
 
 def load_rig(path: Path | str) -> RigConfig:
@@ -79,9 +79,9 @@ def load_settings(model: type[Config], path: Path, misfits: Misfits | None = Non
     found = [*_complaints(model, data, misfits is None), *(misfits(data) if misfits else ())]
     lines = TomlLines(text)
     at = sorted((lines.line(key), what) for key, what in found)
-    problems = [Problem(f"{path.name}:{line}", what) for line, what in at[:MOST_PROBLEMS]]
-    if len(at) > MOST_PROBLEMS:
-        problems.append(Problem(path.name, f"and {len(at) - MOST_PROBLEMS} more; is it the right file?"))
+    problems = [Problem(f"{path.name}:{line}", what) for line, what in at[:MAX_PROBLEMS]]
+    if len(at) > MAX_PROBLEMS:
+        problems.append(Problem(path.name, f"and {len(at) - MAX_PROBLEMS} more; is it the right file?"))
     raise_if_any(f"{path} cannot be used", problems)
     config = validate(model, data)
     config.remember(text)

@@ -12,7 +12,7 @@ from instrument.files.validation import InvalidInputError, Problem
 
 # Characters that are parsed to find out where statements begin: some hundred times those of a real file. A list of
 # many lines is parsed again with each of them.
-MOST_PARSED = 500_000
+MAX_PARSED = 500_000
 
 KeyPath = tuple[str | int, ...]
 
@@ -98,7 +98,7 @@ def _statements(text: str) -> Iterator[tuple[int, str]]:
         first = first if piece else number
         piece += line
         parsed += len(piece)
-        if parsed > MOST_PARSED:
+        if parsed > MAX_PARSED:
             # What follows is then said to be where its table is.
             return
         try:

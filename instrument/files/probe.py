@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from instrument.files.child import ReaderEndedError, in_child
-from instrument.files.untrusted import HDF5_ERRORS, LARGEST_TEXTS_BYTES, objects, storage_problems
+from instrument.files.untrusted import HDF5_ERRORS, MAX_TEXTS_BYTES, objects, storage_problems
 from instrument.files.validation import InvalidInputError, Problem
 
 WHOLE, UNPACKED = "whole", "unpacked"
@@ -104,7 +104,7 @@ def _touch_texts(dataset: h5py.Dataset) -> Iterator[dict[str, Any]]:
     total = 0
     for index in np.ndindex(dataset.shape):
         total += len(dataset[index])
-        if total > LARGEST_TEXTS_BYTES:
+        if total > MAX_TEXTS_BYTES:
             yield {"problem": MEMORY}
             return
 

@@ -26,10 +26,10 @@ HDF5_ERRORS = (
 )
 
 # Those of a real file are counted in hundreds.
-MOST_OBJECTS = 100_000
+MAX_OBJECTS = 100_000
 
 # As many as HDF5 itself follows one after the other.
-MOST_SOFT_LINKS = 16
+MAX_SOFT_LINKS = 16
 
 # Importing hdf5plugin registers its filters. These lose nothing.
 FILTERS = {1: "gzip", 2: "shuffle", 3: "fletcher32", 32000: "lzf", 32001: "blosc"} | {
@@ -37,18 +37,18 @@ FILTERS = {1: "gzip", 2: "shuffle", 3: "fletcher32", 32000: "lzf", 32001: "blosc
 }
 
 # A chunk is unpacked as a whole; one frame of 500 megapixels takes so much.
-LARGEST_CHUNK_BYTES = 2**30
+MAX_CHUNK_BYTES = 2**30
 
 # No filter but Zstandard packs better than gzip's 1032 to 1, and pictures come nowhere near.
-LARGEST_EXPANSION = 1100
+MAX_EXPANSION = 1100
 
 SMALL_BYTES = 2**24
 
 # A journal of a line for each of 100 000 poses comes to a fifth of it.
-LARGEST_TEXTS_BYTES = 2**27
+MAX_TEXTS_BYTES = 2**27
 
 # The longest text that an attribute of ours has is a page of JSON.
-LONGEST_ATTRIBUTE_BYTES = 2**16
+MAX_ATTRIBUTE_BYTES = 2**16
 
 
 def open_foreign(path: Path, title: str) -> h5py.File:
@@ -128,8 +128,8 @@ def leading_out(file: h5py.File) -> Iterator[Problem]:
     out: set[str] = set()
     soft: dict[str, str] = {}
     for count, (where, found) in enumerate(objects(file)):
-        if count == MOST_OBJECTS:
-            yield Problem("/", f"holds more than {MOST_OBJECTS} links; no file of halfangle has so many")
+        if count == MAX_OBJECTS:
+            yield Problem("/", f"holds more than {MAX_OBJECTS} links; no file of halfangle has so many")
             return
         if isinstance(found, h5py.ExternalLink):
             out.add(where)
@@ -143,7 +143,7 @@ def leading_out(file: h5py.File) -> Iterator[Problem]:
 
 def _with_soft(out: set[str], soft: dict[str, str]) -> set[str]:
     """Add the soft links that come to a link in `out`, directly or by other soft links."""
-    for _ in range(MOST_SOFT_LINKS):
+    for _ in range(MAX_SOFT_LINKS):
         more = {where for where, to in soft.items() if where not in out and out.intersection(_prefixes(to))}
         if not more:
             break
@@ -164,14 +164,14 @@ def storage_problems(dataset: h5py.Dataset, where: str) -> Iterator[Problem]:
     if unknown:
         what = f"is packed by HDF5 filter {', '.join(unknown)}; allowed are {', '.join(FILTERS.values())}, or none"
         yield Problem(where, f"{what}. Repack it")
-    if dataset.chunks is not None and math.prod(dataset.chunks) * dataset.dtype.itemsize > LARGEST_CHUNK_BYTES:
-        yield Problem(where, f"has chunks {dataset.chunks}, of more than {LARGEST_CHUNK_BYTES // 2**20} MiB each")
+    if dataset.chunks is not None and math.prod(dataset.chunks) * dataset.dtype.itemsize > MAX_CHUNK_BYTES:
+        yield Problem(where, f"has chunks {dataset.chunks}, of more than {MAX_CHUNK_BYTES // 2**20} MiB each")
 
 
 def size_problems(dataset: h5py.Dataset, where: str) -> Iterator[Problem]:
     """Yield whether a dataset that is read as a whole claims far more than its file can hold."""
     claimed, stored = n_bytes(dataset), file_bytes(dataset.file)
-    if claimed > max(SMALL_BYTES, LARGEST_EXPANSION * stored):
+    if claimed > max(SMALL_BYTES, MAX_EXPANSION * stored):
         yield Problem(where, f"claims {claimed} bytes of values in a file of {stored}: damaged, or never filled")
 
 
@@ -191,7 +191,7 @@ def text_attribute(thing: h5py.HLObject, name: str) -> str | None:
         return None
     attribute = thing.attrs.get_id(name)
     is_text = h5py.check_string_dtype(attribute.dtype) is not None and attribute.shape == ()
-    if not is_text or attribute.get_storage_size() > LONGEST_ATTRIBUTE_BYTES:
+    if not is_text or attribute.get_storage_size() > MAX_ATTRIBUTE_BYTES:
         return None
     value = thing.attrs[name]
     return value.decode(errors="replace") if isinstance(value, bytes) else str(value)

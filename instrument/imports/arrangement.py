@@ -13,7 +13,7 @@ from instrument.imports.finder import Pick
 from instrument.imports.selection import Selection
 from instrument.imports.survey import Surveyed
 from instrument.session.import_plan import ImportPlan, Source
-from instrument.session.layout import LARGEST
+from instrument.session.layout import MAX_SIZES
 
 _TYPES = {"u1": "8 bits", "u2": "16 bits", "f4": "floating point"}
 
@@ -123,8 +123,8 @@ def arrange(selection: Selection, surveyed: Mapping[Path, Surveyed]) -> Arrangem
 
 def arrangement_problems(arrangement: Arrangement) -> Iterator[Problem]:
     """Yield exposure times that do not fit each other."""
-    if len(arrangement.exposure_times) > LARGEST["E"]:
-        what = f"there are {len(arrangement.exposure_times)} of all pictures together; allowed are {LARGEST['E']}"
+    if len(arrangement.exposure_times) > MAX_SIZES["E"]:
+        what = f"there are {len(arrangement.exposure_times)} of all pictures together; allowed are {MAX_SIZES['E']}"
         yield Problem("exposure times", what)
     for i_pose, pose in enumerate(arrangement.poses):
         yield from _repeated_times(i_pose, pose, arrangement.indices(i_pose))

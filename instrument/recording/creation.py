@@ -17,7 +17,7 @@ from instrument.recording.tree import write_tree
 HDF5_FORMAT = ("v108", "v108")
 
 # Bytes that are made sure of for a file without frames: its tables, previews and darks.
-_SMALLEST_START, _LARGEST_START = 2**18, 2**28
+_MIN_START, _MAX_START = 2**18, 2**28
 
 # What a disk says that has no room; anything else means that its file system cannot promise any.
 _NO_ROOM = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
@@ -46,7 +46,7 @@ def create_session(path: Path, header: SessionHeader, planned_bytes: int) -> Non
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with h5py.File(part, "w", libver=HDF5_FORMAT) as file:
-            reserve(file, min(max(planned_bytes, _SMALLEST_START), _LARGEST_START))
+            reserve(file, min(max(planned_bytes, _MIN_START), _MAX_START))
             write_tree(file, header)
             sync(file)
             release(file)

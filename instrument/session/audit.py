@@ -15,7 +15,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any, TextIO
 
-from instrument.session.layout import LONGEST_EVENT
+from instrument.session.layout import MAX_EVENT
 
 # Characters of a text that are kept, shorter and shorter until the line fits.
 _LENGTHS = (400, 120, 40, 10)
@@ -100,7 +100,7 @@ def _number(line: str) -> int:
 
 
 def event_line(event: str, details: Mapping[str, object], **label: object) -> str:
-    """Return an event with its details as a line of JSON, of `LONGEST_EVENT` bytes at most.
+    """Return an event with its details as a line of JSON, of `MAX_EVENT` bytes at most.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def event_line(event: str, details: Mapping[str, object], **label: object) -> st
     for length in _LENGTHS:
         shortened = {key: _shortened(value, length) for key, value in details.items()}
         line = json.dumps({**label, "time": datetime.now(UTC).isoformat(), "event": event, **shortened}, default=str)
-        if len(line) <= LONGEST_EVENT:
+        if len(line) <= MAX_EVENT:
             return line
     return json.dumps({**label, "time": datetime.now(UTC).isoformat(), "event": event[:100], "details": "too long"})
 

@@ -13,9 +13,9 @@ SCHEMA_VERSION = "1.2"
 SCHEMA_ATTRIBUTE = "halfangle_schema"
 
 # Sizes that no real session exceeds; a file that claims more is refused before memory is taken.
-LARGEST = {"P": 100_000, "E": 256, "H": 65_536, "W": 65_536, "R": 1_000, "F": 1_000, "A": 100_000, "L": 65_536}
+MAX_SIZES = {"P": 100_000, "E": 256, "H": 65_536, "W": 65_536, "R": 1_000, "F": 1_000, "A": 100_000, "L": 65_536}
 
-LARGEST_BRACKET_BYTES = 16 * 2**30
+MAX_BRACKET_BYTES = 16 * 2**30
 
 
 class Status(StrEnum):
@@ -219,7 +219,7 @@ POSE_DIGEST = Field(f"{JOURNAL}/pose_digest", "S64", ("P",))
 # can crash the library when it is written again.
 EVENTS = Field(f"{JOURNAL}/events", "S1024", ("*",))
 
-LONGEST_EVENT = 1024
+MAX_EVENT = 1024
 
 SATURATED_FRACTION = Field(f"{QUALITY}/saturated_fraction", "f8", ("P", "E"))
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from instrument.session.session import Session
 
 # Pixels across a preview at most; enough to recognise a pose, small enough to draw all of them.
-LARGEST_WIDTH = 320
+MAX_WIDTH = 320
 
 # Share of clipped pixels up to which an exposure still shows the whole sample.
 CLIPPED_SHARE = 1e-3
@@ -86,7 +86,7 @@ def fraction(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
 
 def block_of(height: int, width: int) -> int:
     """Return the side of a block in pixels of a frame, even so that it holds whole cells of a Bayer mosaic."""
-    wanted = 2 * max(1, -(-width // (2 * LARGEST_WIDTH)))
+    wanted = 2 * max(1, -(-width // (2 * MAX_WIDTH)))
     # A very flat picture keeps four rows: viewers take an axis of one or two for colours.
     return min(wanted, max(2, height // 8 * 2))
 

@@ -24,7 +24,7 @@ from instrument.session.layout import Field
 FRAME_DTYPES = ("u2", "f4")
 
 # Letters whose sizes only bound each other: lines of the journal, channels of a curve, a preview's pixels.
-LARGEST = {**layout.LARGEST, "K": 3, "h": layout.LARGEST["H"], "w": layout.LARGEST["W"]}
+MAX_SIZES = {**layout.MAX_SIZES, "K": 3, "h": layout.MAX_SIZES["H"], "w": layout.MAX_SIZES["W"]}
 
 MISSING = "is missing"
 
@@ -143,12 +143,12 @@ def _expected_shape(field: Field, dims: Dims) -> str:
 
 
 def _too_large(dims: Dims) -> Iterator[Problem]:
-    for name, largest in LARGEST.items():
+    for name, largest in MAX_SIZES.items():
         if not 0 < dims.get(name, 1) <= largest:
             yield Problem(layout.IMAGES.path, f"has {name} = {dims[name]}; allowed is 1 to {largest}")
     if dims.get("C?", 0) not in (0, 3):
         yield Problem(layout.IMAGES.path, f"has {dims['C?']} channels; allowed are 3, or no such axis")
     bracket = 2 * max(1, dims.get("C?", 0)) * dims.get("E", 0) * dims.get("H", 0) * dims.get("W", 0)
-    if bracket > layout.LARGEST_BRACKET_BYTES:
-        limit = layout.LARGEST_BRACKET_BYTES
+    if bracket > layout.MAX_BRACKET_BYTES:
+        limit = layout.MAX_BRACKET_BYTES
         yield Problem(layout.IMAGES.path, f"needs {bracket} bytes for one pose; allowed are {limit}")

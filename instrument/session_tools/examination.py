@@ -21,7 +21,7 @@ from instrument.session.structure import structure_problems
 from instrument.session_tools.cut_short import missing_bytes, open_cut_short
 from instrument.session_tools.verify import PoseJournal, content_problems, pose_problems
 
-MOST_ENDINGS = 8
+MAX_ENDINGS = 8
 """Child processes that one file may end; it is damaged enough then."""
 
 
@@ -74,7 +74,7 @@ def examination(path: Path) -> Examination:
         If `path` is no session at all.
     """
     found, first, whole, at = Examination(path), 0, True, str(path)
-    for _ in range(MOST_ENDINGS):
+    for _ in range(MAX_ENDINGS):
         begun = None
         try:
             for step in in_child("examine", path, first, int(whole)):

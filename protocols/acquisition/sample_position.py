@@ -16,7 +16,7 @@ from protocols.acquisition.frame_checks import CLIPPED_SHARE
 from protocols.acquisition.shot import lease_seconds, light_on, move_verified, take_shot
 
 # Both in standard deviations and shares: noise alone takes 6e-5 of the pixels beyond four sigmas.
-_SIGMAS, _LARGEST_SHARE = 4.0, 0.02
+_SIGMAS, _MAX_SHARE = 4.0, 0.02
 
 # A stage that comes back is as good as its tolerance: edges may lie a pixel off.
 _STAGE_PIXELS = 1.0
@@ -78,10 +78,10 @@ def check_not_moved(rig: Rig, landmark: Landmark) -> float:
     with light_on(rig.light, rig.config.light.level, lease_seconds((landmark.exposure_time,))):
         shot = take_shot(rig.camera, rig.light, 0, landmark.exposure_time)
     scale, share = difference(landmark.counts, shot.frame.counts, rig.camera.describe())
-    if share > _LARGEST_SHARE:
+    if share > _MAX_SHARE:
         raise UnsafeError(
             f"pose {landmark.i_pose} looks different now: {share:.0%} of the picture changed by more than noise and a "
-            f"pixel of motion explain (allowed {_LARGEST_SHARE:.0%}). Was the sample moved? Capture anew, or put it "
+            f"pixel of motion explain (allowed {_MAX_SHARE:.0%}). Was the sample moved? Capture anew, or put it "
             "back; to go on all the same: halfangle resume --accept-moved"
         )
     return scale

@@ -60,7 +60,7 @@ class PoseTaken:
     ----------
     i_pose : int
     thumbnails : ndarray of uint8, shape (K, h, w)
-        The frames of its bracket, from the black level to the saturation level, at most `thumbnails.WIDEST` across.
+        The frames of its bracket, from the black level to the saturation level, at most `thumbnails.MAX_WIDTH` across.
     exposure_times : ndarray, shape (K,)
         Seconds, ascending.
     clipped : ndarray, shape (K,)

@@ -39,7 +39,7 @@ _log = logging.getLogger(__name__)
 CLOSE_LIMIT = 60.0
 """Seconds that closing the session may take; a stalled disk must not keep anybody waiting for ever."""
 
-LONGEST_DEAFNESS = 1.0
+MAX_DEAFNESS = 1.0
 """Seconds on the rig's clock that a wait for the next pose may keep somebody waiting who asks for a pause."""
 
 
@@ -222,7 +222,7 @@ class Run:
             self._between_poses()
             self._report(State.RUNNING, self._name(i_pose), news=PoseBegun(i_pose))
             while (left := begins - self._rig.clock.now()) > 0.0:
-                self._rig.wait(min(left, LONGEST_DEAFNESS))
+                self._rig.wait(min(left, MAX_DEAFNESS))
                 self._between_poses()
             begins = self._rig.clock.now() + self._plan.interval
             self._pose(i_pose, bracket)

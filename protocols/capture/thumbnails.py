@@ -11,7 +11,7 @@ from instrument.session.records import PoseRecord
 from protocols.acquisition.frame_checks import clipped_shares
 from protocols.capture.progress import PoseTaken
 
-WIDEST = 160
+MAX_WIDTH = 160
 """Pixels across a thumbnail at most."""
 
 
@@ -30,7 +30,7 @@ def pose_taken(i_pose: int, record: PoseRecord, camera: CameraDescription) -> Po
 
 
 def thumbnails(counts: NDArray[np.uint16] | NDArray[np.float32], black: float, saturation: float) -> NDArray[np.uint8]:
-    """Return frames at most `WIDEST` pixels across, from the black to the saturation level; shape (K, h, w).
+    """Return frames at most `MAX_WIDTH` pixels across, from the black to the saturation level; shape (K, h, w).
 
     Of each block the first cell of a Bayer mosaic is taken: quick, and good enough to recognise a picture.
 
@@ -41,7 +41,7 @@ def thumbnails(counts: NDArray[np.uint16] | NDArray[np.float32], black: float, s
     black, saturation : float
         Counts.
     """
-    step = 2 * max(1, -(-counts.shape[2] // (2 * WIDEST)))
+    step = 2 * max(1, -(-counts.shape[2] // (2 * MAX_WIDTH)))
     corners = [counts[:, i::step, j::step] for i in (0, 1) for j in (0, 1)]
     h, w = (min(corner.shape[axis] for corner in corners) for axis in (1, 2))
     cells = sum(corner[:, :h, :w].astype(np.float32) for corner in corners) / 4.0

@@ -21,9 +21,9 @@ STEP_DEG = 5.0
 SAME_DEG = 0.1
 """Closer together, two sides from which the sample is seen are one."""
 
-_MOST_PASSES = 20
+_MAX_PASSES = 20
 
-_LEAST_GAIN = 1e-9  # of the criterion, relative; less is rounding and could go round in circles
+_MIN_GAIN = 1e-9  # of the criterion, relative; less is rounding and could go round in circles
 
 _SLACK_DEG = 1e-6  # for rounding, where a tilt is just the largest
 
@@ -73,12 +73,12 @@ def _greedy(criterion: Criterion, count: int) -> list[int]:
 def _exchanged(criterion: Criterion, chosen: list[int]) -> list[int]:
     """Exchange each view for the best one beside the others, until a whole pass gains nothing."""
     best = criterion.value(chosen)
-    for _ in range(_MOST_PASSES):
+    for _ in range(_MAX_PASSES):
         before = best
         for k in range(len(chosen)):
             others = chosen[:k] + chosen[k + 1 :]
             view, value = _best(criterion, others)
-            if value < best * (1.0 - _LEAST_GAIN):
+            if value < best * (1.0 - _MIN_GAIN):
                 chosen, best = [*others[:k], view, *others[k:]], value
         if best == before:
             break

@@ -22,7 +22,7 @@ from protocols.poses.rough_material import PARAMETERS, Numbers, brdf, dot, radia
 
 Array = NDArray[np.float64]
 
-N_CASES, WIDEST_NORMAL_DEG = 180, 25.0
+N_CASES, MAX_NORMAL_DEG = 180, 25.0
 """Normals of a relief, spread evenly over a cap about the plate's."""
 
 ROUGHNESS_FACTORS = (1.0 / 1.6, 1.0, 1.6)
@@ -35,7 +35,7 @@ RELATIVE, SHOT, READ = 0.01, 0.006, 0.001
 """Noise as shares of a white plate's radiance W: RELATIVE L (what differs from view to view, the power of the light
 above all), SHOT sqrt(L W), READ W."""
 
-LEAST_COSINE = float(np.cos(np.deg2rad(75.0)))
+MIN_COSINE = float(np.cos(np.deg2rad(75.0)))
 """Of light and view with the normal; closer to edge-on nothing is believed."""
 
 BRDF_WEIGHT_DEG = 10.0
@@ -92,7 +92,7 @@ def information_vectors(cases: Cases, lens: Array, light: Array, distance: float
     """
     to_lens, to_light = (place[:, None] - cases.point for place in (lens, light))
     normals = cases.frame[:, 2]
-    seen = np.minimum(dot(normals, unit(to_lens)), dot(normals, unit(to_light))) > LEAST_COSINE
+    seen = np.minimum(dot(normals, unit(to_lens)), dot(normals, unit(to_light))) > MIN_COSINE
     u = _scaled_gradient(cases, to_lens, to_light, distance)
     return np.ascontiguousarray(np.swapaxes(np.where(seen[..., None], u, 0.0), 0, 1))
 
@@ -132,7 +132,7 @@ def _loss(material: Array) -> Array:
 def _normals() -> Array:
     """Directions spread evenly over a cap by the golden angle, shape (N_CASES, 3)."""
     i = np.arange(N_CASES) + 0.5
-    z = 1.0 - (1.0 - np.cos(np.deg2rad(WIDEST_NORMAL_DEG))) * i / N_CASES
+    z = 1.0 - (1.0 - np.cos(np.deg2rad(MAX_NORMAL_DEG))) * i / N_CASES
     azimuth = np.pi * (1.0 + 5.0**0.5) * i
     s = np.sqrt(1.0 - z * z)
     return np.stack([s * np.cos(azimuth), s * np.sin(azimuth), z], axis=-1)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_LEAST_GAIN = 1e-9  # degrees or mm; less is rounding and could go round in circles
+_MIN_GAIN = 1e-9  # degrees or mm; less is rounding and could go round in circles
 
 
 def in_short_order(poses: Sequence[dict[str, float]]) -> tuple[dict[str, float], ...]:
@@ -45,7 +45,7 @@ def _shortened(way: Array, path: list[int]) -> list[int]:
     while improved:
         improved = False
         for i, j in combinations(range(1, len(path)), 2):
-            if _gain(way, path, i, j) > _LEAST_GAIN:
+            if _gain(way, path, i, j) > _MIN_GAIN:
                 path[i : j + 1] = path[i : j + 1][::-1]
                 improved = True
     return path

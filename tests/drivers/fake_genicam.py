@@ -33,7 +33,7 @@ WIDTH, HEIGHT = 96, 64
 _PROGRAM = "arv-fake-gv-camera-0.8"
 _PORT = 3956
 _LOCK = Path(tempfile.gettempdir()) / "halfangle-fake-genicam.lock"
-_LONGEST_WAIT = 200.0
+_MAX_WAIT = 200.0
 _DISCOVERY = struct.pack(">BBHHH", 0x42, 0x11, 0x0002, 0, 1)
 _CONTROL, _HEARTBEAT = 0x0A00, 0x0938
 
@@ -67,7 +67,7 @@ class FakeGenicam:
         ramp = [_PROGRAM, "-i", ADDRESS, "-s", SERIAL_NUMBER, "-r", str(lost_per_thousand)]
         described = ["-g", str(description)] if description else []
         self._command = [*ramp, *described] if light is None else lit
-        self._lock = FileLock(_LOCK, timeout=_LONGEST_WAIT)
+        self._lock = FileLock(_LOCK, timeout=_MAX_WAIT)
         self._process: subprocess.Popen[bytes] | None = None
 
     def __enter__(self) -> FakeGenicam:

@@ -18,7 +18,7 @@ from contextlib import suppress
 from tests.drivers.grbl_machine import GrblMachine
 
 _TICK = 0.002  # seconds
-_LONGEST_TICK = 0.02  # seconds that count at most: a busy computer slows the machine down with everything else
+_MAX_TICK = 0.02  # seconds that count at most: a busy computer slows the machine down with everything else
 _SETTINGS = {
     0: 10,
     1: 25,
@@ -167,7 +167,7 @@ class GrblDouble:
             ready, _, _ = select.select([self._master], [], [], _TICK)
             with self._guard:
                 now = time.monotonic()
-                self._pass_time(min(now - before, _LONGEST_TICK) * self.pace)
+                self._pass_time(min(now - before, _MAX_TICK) * self.pace)
                 before = now
                 if ready:
                     with suppress(OSError):

@@ -17,7 +17,7 @@ from contextlib import suppress
 from tests.drivers.zaber_machine import AxisMachine
 
 _TICK = 0.005  # seconds
-_LONGEST_TICK = 0.02  # seconds that count at most: a busy computer slows the devices down with everything else
+_MAX_TICK = 0.02  # seconds that count at most: a busy computer slows the devices down with everything else
 # Microsteps; 1000 of them are a degree, 30 degrees per second, 200 per second squared.
 _AXIS = {
     "limit.min": -200_000.0,
@@ -89,7 +89,7 @@ class ZaberDouble:
             has_bytes = select.select([self._master], [], [], _TICK)[0]
             now = time.monotonic()
             if self.moves():
-                self.time += self._pace * min(now - last, _LONGEST_TICK)
+                self.time += self._pace * min(now - last, _MAX_TICK)
             last = now
             if not has_bytes:
                 continue

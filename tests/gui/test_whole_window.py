@@ -36,7 +36,7 @@ from gui.widgets.files import FileField
 from gui.widgets.plots import Picture
 from tests.gui.test_main_window import Bench, rig_config
 
-SMALLEST_SCREEN = (960, 520)
+MIN_SCREEN = (960, 520)
 """Full HD at 200 %, less what a desktop keeps for itself."""
 
 # What only a program or an analyst needs, and why no operator does.
@@ -208,11 +208,11 @@ class TestTexts:
 class TestSize:
     def test_the_window_shrinks_to_a_small_screen_at_200_percent(self, window: MainWindow):
         smallest = window.minimumSizeHint()
-        assert (smallest.width(), smallest.height()) <= SMALLEST_SCREEN
-        assert smallest.height() <= SMALLEST_SCREEN[1]
+        assert (smallest.width(), smallest.height()) <= MIN_SCREEN
+        assert smallest.height() <= MIN_SCREEN[1]
 
     def test_what_matters_most_is_in_sight_on_the_smallest_screen(self, window: MainWindow, qtbot: QtBot):
-        window.resize(*SMALLEST_SCREEN)
+        window.resize(*MIN_SCREEN)
         qtbot.wait(50)
         for widget in (window.light_label, window.stop_button):
             assert not widget.visibleRegion().isEmpty()

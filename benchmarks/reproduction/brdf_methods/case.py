@@ -19,7 +19,7 @@ DOMAIN, FULL, BIVARIATE, UNIVARIATE = "domain", "full", "bivariate", "univariate
 
 N_SAMPLES = 100
 
-LARGEST_DEG = 90.0 - LOWEST_ELEVATION_DEG
+MAX_DEG = 90.0 - LOWEST_ELEVATION_DEG
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ def sampled_places(rng: np.random.Generator) -> dict[str, Angles]:
 def slice_places(n: int = N_SAMPLES, theta_d: float = 0.0) -> Angles:
     """Return `n` places on the slice of a difference angle (rad), light and view symmetric about the half vector."""
     # n.l = cos theta_h cos theta_d must not fall below that of the largest angle.
-    largest = np.arccos(min(np.cos(np.deg2rad(LARGEST_DEG)) / np.cos(theta_d), 1.0))
+    largest = np.arccos(min(np.cos(np.deg2rad(MAX_DEG)) / np.cos(theta_d), 1.0))
     return Angles.of(np.linspace(0.0, np.sqrt(largest), n) ** 2, theta_d)
 
 
@@ -87,5 +87,5 @@ def _random(rng: np.random.Generator, n: int, phi_d: Array) -> Angles:
 
 
 def _high(angles: Angles) -> Angles:
-    kept = np.flatnonzero(np.minimum(*angles.n_dot_l_and_v) > np.cos(np.deg2rad(LARGEST_DEG)))[:N_SAMPLES]
+    kept = np.flatnonzero(np.minimum(*angles.n_dot_l_and_v) > np.cos(np.deg2rad(MAX_DEG)))[:N_SAMPLES]
     return Angles(angles.theta_h[kept], angles.theta_d[kept], angles.phi_d[kept])

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.reproduction.brdf_domain import LARGEST_DEG, Domain
+from benchmarks.reproduction.brdf_domain import MAX_DEG, Domain
 from benchmarks.reproduction.brdf_materials import Bank, Collection, collections
 from benchmarks.reproduction.brdf_methods.case import slice_places
 from benchmarks.reproduction.brdf_methods.dictionary_fit import coefficients
@@ -34,7 +34,7 @@ QUICK_MATERIALS = 40
 
 MEASURED, AT_ANGLE, AT_ANGLE_OURS = "slice measured, plain NNLS", "0 measured, plain NNLS", "0 measured, ours"
 
-THETAS_DEG = np.arange(0.0, LARGEST_DEG + 1.0, 5.0)
+THETAS_DEG = np.arange(0.0, MAX_DEG + 1.0, 5.0)
 """Nodes of the domain."""
 
 

@@ -26,7 +26,7 @@ from benchmarks.common.reference import atom_table, pixel_samples, solve_pixel
 from benchmarks.common.scenes import scattered
 from benchmarks.reproduction.brdf_domain import LOWEST_ELEVATION_DEG, Domain
 from benchmarks.reproduction.brdf_materials import Angles, Bank, Collection, collections
-from benchmarks.reproduction.brdf_methods.case import LARGEST_DEG
+from benchmarks.reproduction.brdf_methods.case import MAX_DEG
 from benchmarks.reproduction.brdf_methods.dictionary_fit import coefficients
 from benchmarks.reproduction.brdf_methods.univariate import complete_channels
 from benchmarks.reproduction.experiment import Experiment, Finding, Request, Row, Verdict
@@ -45,7 +45,7 @@ NOISE = 0.01
 MODEL_ERROR = 0.01
 """Relative, that the solver expects of the dictionary beyond the noise."""
 
-WIDEST_NORMAL_DEG = 35.0
+MAX_NORMAL_DEG = 35.0
 
 STEEPEST = 1.5
 """Errors that grow no faster than the number of images to the power of -1.5 degrade gracefully."""
@@ -101,7 +101,7 @@ def _why(rows: list[Row], size: Size, steepest: dict[tuple[str, str], float], *,
         f"of images to the power of -{STEEPEST} over two steps of that number; the steepest powers are "
         f"{-steepest[NORMAL, 'mean']:.2f} and {-steepest[OURS, 'median']:.2f}. (The mean of BRDFs, whose power is "
         f"{-steepest[OURS, 'mean']:.2f}, is that of the few whose highlight is missed.) {size.n_normals} normals a "
-        f"material within {WIDEST_NORMAL_DEG:.0f} deg, {size.n_brdf} draws for the BRDF, {100 * NOISE:.0f} % noise; "
+        f"material within {MAX_NORMAL_DEG:.0f} deg, {size.n_brdf} draws for the BRDF, {100 * NOISE:.0f} % noise; "
         "the supplement takes 100 and shows errors in plots only. Half angles of real images, with normals given, say "
         f"much less of narrow highlights: the RMS log-cosine of the BRDF is then {_logarithmic(rows)}."
         + ("" if measured else " Fits are smoother than measurements.")
@@ -140,7 +140,7 @@ def _errors(collection: Collection, size: Size, seed: int) -> Iterator[tuple[str
     step = max(len(collection.tested) // size.n_reference_materials, 1)
     for i, (material, dictionary) in enumerate(collection.trials()):
         # The same for all numbers of images.
-        normals = scattered(size.n_normals, np.random.default_rng([seed, i]), WIDEST_NORMAL_DEG)
+        normals = scattered(size.n_normals, np.random.default_rng([seed, i]), MAX_NORMAL_DEG)
         scorer = _BrdfScorer(
             domain, bank.truth(material.name, "domain"), bank.atoms("domain", material.name), dictionary
         )
@@ -197,7 +197,7 @@ class _BrdfScorer:
 
 def half_angles(n: int, rng: np.random.Generator) -> Array:
     """Return `n` half angles (rad) up to the largest that is relied on, one in each equal step of their root."""
-    return np.asarray(np.deg2rad(LARGEST_DEG) * ((np.arange(n) + rng.random(n)) / n) ** 2)
+    return np.asarray(np.deg2rad(MAX_DEG) * ((np.arange(n) + rng.random(n)) / n) ** 2)
 
 
 def _sources(rows: list[Row]) -> list[str]:

@@ -26,7 +26,7 @@ SLICES_DEG = (0.0, 15.0, 30.0)
 CLOSE = 0.05
 """RMSE of a curve of unit range, mean over the slices as the supplement has it, up to which curves "closely match"."""
 
-LEAST_RANGE = 0.01
+MIN_RANGE = 0.01
 """Range of a curve, relative to its largest value, below which the normalisation would divide by next to nothing."""
 
 OURS, PLAIN, OTHER_FIT = "ours", "plain NNLS", "other fit"
@@ -40,7 +40,7 @@ STAND_IN = (
 
 QUICK_MATERIALS = 33
 
-LEAST_ELEVATION_DEG = 5.0
+MIN_ELEVATION_DEG = 5.0
 
 TICKS_DEG = (1, 5, 20, 45, 80)
 
@@ -108,7 +108,7 @@ def normalised_rmse(estimate: Array, truth: Array) -> float:
     Parameters
     ----------
     estimate, truth : ndarray, shape (n, C)
-        Each channel is normalised by itself; one whose truth is flat to `LEAST_RANGE` does not count.
+        Each channel is normalised by itself; one whose truth is flat to `MIN_RANGE` does not count.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def normalised_rmse(estimate: Array, truth: Array) -> float:
         NaN if no channel counts.
     """
     span = np.ptp(truth, axis=0)
-    counts = span > LEAST_RANGE * np.abs(truth).max(axis=0)
+    counts = span > MIN_RANGE * np.abs(truth).max(axis=0)
     if not counts.any():
         return float("nan")
     difference = (estimate - truth)[:, counts] / span[counts]
@@ -126,7 +126,7 @@ def normalised_rmse(estimate: Array, truth: Array) -> float:
 def curve(table: Array, theta_d_deg: float) -> tuple[Array, Array]:
     """Return theta_h (rad) of the nodes of a slice that lie above the horizon and their values, shape (n, 3)."""
     i_d = int(np.argmin(np.abs(THETA_D - np.deg2rad(theta_d_deg))))
-    high = np.cos(THETA_H) * np.cos(THETA_D[i_d]) > np.sin(np.deg2rad(LEAST_ELEVATION_DEG)) - 1e-9
+    high = np.cos(THETA_H) * np.cos(THETA_D[i_d]) > np.sin(np.deg2rad(MIN_ELEVATION_DEG)) - 1e-9
     return THETA_H[high], table[high, i_d]
 
 
@@ -191,7 +191,7 @@ def _figure(found: list[Estimated], path: Path) -> Path:
 
 
 def _draw_map(axes: Axes, table: Array, truth: Array, title: str) -> None:
-    high = np.cos(THETA_H)[:, None] * np.cos(THETA_D) > np.sin(np.deg2rad(LEAST_ELEVATION_DEG))
+    high = np.cos(THETA_H)[:, None] * np.cos(THETA_D) > np.sin(np.deg2rad(MIN_ELEVATION_DEG))
     low, top = np.percentile(np.log(truth[high].mean(axis=-1)), [2, 99])
     shown = np.where(high, np.log(np.maximum(table.mean(axis=-1), 1e-9)), np.nan)
     axes.pcolormesh(

@@ -17,17 +17,17 @@ from benchmarks.reproduction.mitsuba_scenes.relighting import read_linear
 
 Array = NDArray[np.float64]
 
-LARGEST_BYTES = 200_000
+MAX_BYTES = 200_000
 
 _RESOLUTIONS = (110, 90, 75, 60, 45)
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Write a figure as fine as `LARGEST_BYTES` allows, in all its colours if they fit; return the path."""
+    """Write a figure as fine as `MAX_BYTES` allows, in all its colours if they fit; return the path."""
     pictures = [_drawn(figure, dpi) for dpi in _RESOLUTIONS]
     # 256 colours of its own make a third of the bytes.
     sizes = [_png(pictures[0]), *(_png(picture.quantize(256)) for picture in pictures)]
-    path.write_bytes(next((data for data in sizes if len(data) <= LARGEST_BYTES), sizes[-1]))
+    path.write_bytes(next((data for data in sizes if len(data) <= MAX_BYTES), sizes[-1]))
     return path
 
 

@@ -291,7 +291,7 @@ def test_blocks_give_the_sigma_of_depth_that_every_pixel_gives(monkeypatch: pyte
     sigma = np.full((150, 150), 0.01)
     sigma[:, 75:] = 0.03
     full = depth_sigma(sigma, PITCH, np.random.default_rng(0), n_draws=100)
-    monkeypatch.setattr("analysis.depth.uncertainty.LARGEST_DRAWN", 40)
+    monkeypatch.setattr("analysis.depth.uncertainty.MAX_DRAWN", 40)
     blocks = depth_sigma(sigma, PITCH, np.random.default_rng(1), n_draws=100)
     assert np.median(blocks / full) == pytest.approx(1.0, abs=0.08)
 

@@ -172,7 +172,7 @@ def test_pixels_of_a_palette_are_the_same_for_any_number_of_threads(stack: Stack
 def test_the_size_of_the_tiles_does_not_matter(
     stack: Stack, reconstructed: Reconstruction, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("analysis.pixels.problem._LARGEST_CHUNK", 100)
+    monkeypatch.setattr("analysis.pixels.problem._MAX_CHUNK", 100)
     monkeypatch.setattr("analysis.pixels.problem.TILE", 150)
     small = reconstruct(stack, Options(palette="on"))
     np.testing.assert_array_equal(small.normals, reconstructed.normals)

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.accuracy.rows import (
     INSIDE_68,
     INSIDE_95,
-    LARGEST_HALF_ANGLE,
+    MAX_HALF_ANGLE,
     N_ANGLES,
     coverage,
     curve_error,
@@ -71,7 +71,7 @@ def test_half_angles_are_spread_over_what_the_views_show(scene: Scene) -> None:
     theta_h = seen_half_angles(scene)
     assert theta_h.shape == (60, N_ANGLES)
     assert np.all(np.diff(theta_h, axis=1) >= 0.0)
-    assert theta_h.max() < LARGEST_HALF_ANGLE
+    assert theta_h.max() < MAX_HALF_ANGLE
     cosine = scene.normals[0] @ scene.stack.camera_position.T / 1e4
     assert np.cos(theta_h[0, 0]) == pytest.approx(cosine.max(), abs=1e-6)
 

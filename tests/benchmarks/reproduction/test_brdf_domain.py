@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.reproduction.brdf_domain import BANDS_DEG, LARGEST_DEG, LOWEST_ELEVATION_DEG, OFFSET, Domain
+from benchmarks.reproduction.brdf_domain import BANDS_DEG, LOWEST_ELEVATION_DEG, MAX_DEG, OFFSET, Domain
 from benchmarks.reproduction.brdf_materials import PublishedBrdf
 
 DOMAIN = Domain.whole()
@@ -11,7 +11,7 @@ TRUTH = PublishedBrdf("sgd", 30).at(DOMAIN.angles)
 def test_the_bands_hold_every_node_once():
     count = sum(DOMAIN.band(*band).astype(int) for band in BANDS_DEG)
     assert (count == 1).all()
-    assert DOMAIN.up_to(LARGEST_DEG).all()
+    assert DOMAIN.up_to(MAX_DEG).all()
 
 
 def test_light_and_view_are_high_at_every_node():

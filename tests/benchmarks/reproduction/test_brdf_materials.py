@@ -7,7 +7,7 @@ from analysis.reflectance.atoms import published
 from analysis.reflectance.categories import categories
 from analysis.reflectance.merl import cell_angles
 from benchmarks.reproduction.brdf_materials import (
-    LEAST_MATERIALS,
+    MIN_MATERIALS,
     TABLES,
     Angles,
     Bank,
@@ -66,7 +66,7 @@ def test_few_materials_are_spread_over_the_names_and_take_those_asked_for(tmp_pa
 
 
 def test_a_folder_with_too_few_files_is_skipped_with_the_reason(tmp_path: Path):
-    with pytest.raises(SkippedError, match=rf"holds 0 \.binary files; at least {LEAST_MATERIALS} are needed"):
+    with pytest.raises(SkippedError, match=rf"holds 0 \.binary files; at least {MIN_MATERIALS} are needed"):
         collections(Request(tmp_path, quick=True, seed=0, merl=tmp_path))
 
 

@@ -17,7 +17,7 @@ from benchmarks.reproduction.experiment import Request, SkippedError
 from benchmarks.reproduction.experiments import synthetic
 from benchmarks.reproduction.mitsuba_scenes import render as rendering
 from benchmarks.reproduction.mitsuba_scenes.chain import capture_text
-from benchmarks.reproduction.mitsuba_scenes.figures import LARGEST_BYTES, grid_of, save, show
+from benchmarks.reproduction.mitsuba_scenes.figures import MAX_BYTES, grid_of, save, show
 from benchmarks.reproduction.mitsuba_scenes.files import INTENSITY, SCENE_FILE, Rendering, relief_mesh, write_scene
 from benchmarks.reproduction.mitsuba_scenes.plate import AREA_MM, HALF_PLATE_MM, boards, print_on_plate
 from benchmarks.reproduction.mitsuba_scenes.prepared import truth_as_seen, truth_on
@@ -181,7 +181,7 @@ def test_a_figure_keeps_all_its_colours_unless_it_would_be_too_large(tmp_path: P
     for ax in axes.flat:
         show(ax, image, "")
     path = save(figure, tmp_path / "figure.png")
-    assert path.stat().st_size <= LARGEST_BYTES
+    assert path.stat().st_size <= MAX_BYTES
     with Image.open(path) as picture:
         assert picture.mode == mode
 

@@ -2,7 +2,7 @@ import json
 from pathlib import Path
 
 from instrument.session.audit import AuditLog, beside, event_line
-from instrument.session.layout import LONGEST_EVENT
+from instrument.session.layout import MAX_EVENT
 
 
 def numbers(path: Path) -> list[int]:
@@ -58,6 +58,6 @@ def test_a_line_fits_its_place_in_a_session_whatever_it_says() -> None:
         {f"key{i}": "z" * 100 for i in range(200)},
     ):
         line = event_line("failed", details)
-        assert len(line.encode()) <= LONGEST_EVENT
+        assert len(line.encode()) <= MAX_EVENT
         assert json.loads(line)["event"] == "failed"
     assert json.loads(event_line("move", {"tilt": 1.5}))["tilt"] == 1.5

@@ -13,7 +13,7 @@ from instrument.session.session import Session
 from protocols.capture import run
 from protocols.capture.engine import Control, Finish, Progress, capture, resume
 from protocols.capture.progress import News, PoseBegun, PoseTaken
-from protocols.capture.thumbnails import WIDEST, thumbnails
+from protocols.capture.thumbnails import MAX_WIDTH, thumbnails
 from protocols.planning.estimate import dry_run
 from protocols.planning.planned_poses import PlannedPoses
 from protocols.planning.session_rig import planned_poses_of
@@ -131,7 +131,7 @@ def test_a_thumbnail_is_small_and_goes_from_black_to_clipped(shape: tuple[int, i
     counts = np.full((2, *shape), BLACK, np.uint16)
     counts[1] = SATURATION
     small = thumbnails(counts, BLACK, SATURATION)
-    assert small.shape[2] <= WIDEST
+    assert small.shape[2] <= MAX_WIDTH
     assert small.shape[1] >= 1
     assert (small[0] == 0).all()
     assert (small[1] == 255).all()
