@@ -19,9 +19,10 @@ from instrument.session.layout import Status
 from instrument.session.session import Session
 from instrument.session_tools.verify import plan_problems
 from protocols.capture.control import Control, obeying_signals
+from protocols.capture.errors import CaptureFaultError
 from protocols.capture.progress import Finish, Outcome, Progress, State, Watcher, tell
 from protocols.capture.resume import BegunSession
-from protocols.capture.run import Begun, CaptureFaultError, Run
+from protocols.capture.run import Begun, Run
 from protocols.capture.session_header import session_header
 from protocols.planning.metering import Metered
 from protocols.planning.prepare import Prepared, preflight_problems, prepare

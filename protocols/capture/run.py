@@ -11,44 +11,32 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import CancelledError, DeviceError, DeviceLostError, DeviceTimeoutError
 from instrument.recording.recorder import Recorder
-from instrument.rig.bounded import within
 from instrument.rig.rig import Rig
 from instrument.session.audit import AuditLog
-from instrument.session.layout import Status
 from instrument.session.preview import Preview
 from instrument.session.records import PoseRecord
 from protocols.acquisition.bracket import Bracket, take_pose
 from protocols.acquisition.darks_and_flats import take_darks, take_flats
-from protocols.acquisition.frame_checks import CLIPPED_SHARE, clipped_shares
 from protocols.acquisition.reference_patch import ReferencePatch
 from protocols.acquisition.sample_position import Landmark, check_not_moved, light_changed
 from protocols.acquisition.shot import move_verified
 from protocols.acquisition.warm_up import warm_up
 from protocols.capture.control import Control
+from protocols.capture.ending import Ending
+from protocols.capture.errors import PausedError
 from protocols.capture.pose_writer import PoseWriter
 from protocols.capture.progress import Finish, News, Outcome, PoseBegun, Progress, State, Watcher, tell
 from protocols.capture.recovery import Recovery
 from protocols.capture.thumbnails import pose_taken
+from protocols.capture.watching import PoseWatch
 from protocols.planning.plan import Plan
 from protocols.planning.planned_poses import PlannedPoses
 
 _log = logging.getLogger(__name__)
 
-CLOSE_LIMIT = 60.0
-"""Seconds that closing the session may take; a stalled disk must not keep anybody waiting for ever."""
-
 MAX_DEAFNESS = 1.0
 """Seconds on the rig's clock that a wait for the next pose may keep somebody waiting who asks for a pause."""
-
-
-class CaptureFaultError(DeviceError):
-    """A capture stopped because of a device; its session can be resumed."""
-
-
-class PausedError(Exception):
-    """The run is to stop between two poses; the message says why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +76,6 @@ class _Tally:
 
     n_taken: int = 0
     n_frames: int = 0
-    monitor: float = math.nan
     warnings: dict[str, None] = field(default_factory=dict)
 
 
@@ -134,13 +121,20 @@ class Run:
         self._begun, self._control, self._watcher = begun or Begun(), control or Control(), watcher
         self._missing = [i_pose for i_pose in range(plan.n_poses) if i_pose not in self._begun.complete]
         self._tally = _Tally()
-        self._unsafe: tuple[str, ...] = ()
-        self._unclosed = ""
         self._began = self._poses_began = rig.clock.now()
         # Whoever watches has to know; at the end it is of no weight, since nothing was lost by it.
         self._recovery = Recovery(rig, audit.note, lambda what: self._report(self.state, what, what))
         self._patch = ReferencePatch(rig.config, rig.camera.describe(), rig.stage.describe())
         self._writer = PoseWriter(recorder, audit)
+        self._ending = Ending(rig, recorder, audit, self._writer, path, plan.n_poses, plan.n_poses - len(self._missing))
+        self._watch = PoseWatch(
+            rig,
+            audit,
+            self._begun.dark_temperature,
+            self._begun.temperature_band,
+            pauses_when_clipped=plan.when_clipped == "pause",
+            warn=self._warn,
+        )
 
     def run(self) -> Outcome:
         """Home, warm up, take the darks, the flats and every missing pose.
@@ -239,9 +233,7 @@ class Run:
         self._tally.n_taken += 1
         self._tally.n_frames += len(record.counts)
         self._show(i_pose, record)
-        self._watch_light(i_pose, record)
-        self._watch_sensor(record)
-        self._watch_clipping(i_pose, record)
+        self._watch.look(i_pose, record)
 
     def _show(self, i_pose: int, record: PoseRecord) -> None:
         """Let whoever watches see the pose; pictures for nobody are not made, and none of them stops a capture."""
@@ -267,106 +259,27 @@ class Run:
         if self._control.pause_asked:
             raise PausedError("interrupted")
 
-    def _watch_light(self, i_pose: int, record: PoseRecord) -> None:
-        monitor = float(record.monitor.mean())
-        if math.isnan(self._tally.monitor):
-            self._tally.monitor = monitor
-        change = monitor / self._tally.monitor - 1.0 if self._tally.monitor else math.nan
-        if abs(change) > self._rig.config.light.drift_band:
-            self._audit.note("drift", pose=i_pose, monitor=monitor, change=change)
-            self._warn(f"the light's monitor changed by {change:+.1%} since the first pose (pose {i_pose})")
-
-    def _watch_sensor(self, record: PoseRecord) -> None:
-        warmer = float(record.sensor_temperature.mean()) - self._begun.dark_temperature
-        if self._tally.n_taken == 1 and abs(warmer) > self._begun.temperature_band:
-            self._audit.note("temperature", warmer=warmer)
-            self._warn(
-                f"the sensor is {abs(warmer):.1f} degrees {'warmer' if warmer > 0 else 'colder'} than at the darks "
-                f"(allowed {self._begun.temperature_band:g}). Take new darks"
-            )
-
-    def _watch_clipping(self, i_pose: int, record: PoseRecord) -> None:
-        share = float(clipped_shares(record.counts[:1], self._rig.camera.describe())[0])
-        if share <= CLIPPED_SHARE:
-            return
-        what = f"pose {i_pose}: {share:.1%} of the shortest exposure clips"
-        self._audit.note("clipped", pose=i_pose, share=share)
-        self._warn(f"{what}. Add a shorter exposure, or lower light.level")
-        if self._plan.when_clipped == "pause":
-            raise PausedError(f"{what}, and the protocol says to pause there")
-
     def _finish(self) -> Outcome:
         self._report(State.FINISHING, "closing the session")
-        failures = self._rig.safe()
-        if failures:
-            raise DeviceError("; ".join(failures))
-        self._writer.finish()
-        self._close(Finish.COMPLETE, Status.COMPLETE, "")
+        self._ending.complete()
         self._report(State.SAFE, "complete")
         return self._outcome(Finish.COMPLETE, "complete")
 
     def _end(self, error: BaseException) -> Outcome:
-        """Make the rig safe, and then the file; return how the run ended, or raise if that is an error."""
-        finish = _finish_of(error)
-        self._unsafe = self._rig.safe()
-        self._leave(finish, error)
-        if self._unsafe or finish is Finish.FAULT:
-            fault = self._fault(error)
+        """Return how the run ended after `error`, or raise if that is a fault."""
+        finish = self._ending.after(error)
+        if self._ending.is_unsafe or finish is Finish.FAULT:
+            self._report(State.FAULT, str(error))
+            fault = self._ending.fault(error)
             raise fault from (None if fault is error else error)
         state = State.PAUSED if finish is Finish.PAUSED else State.SAFE
         self._report(state, str(error))
-        return self._outcome(finish, f"{_sentence(str(error) or finish.value)} {self._how_to_go_on}")
-
-    def _leave(self, finish: Finish, error: BaseException) -> None:
-        """Write what waits, and close; what fails on the way is kept for the message."""
-        try:
-            self._writer.finish()
-        except BaseException as failure:
-            if failure is not error:
-                self._unclosed = f" Not all poses could be written: {failure}."
-        try:
-            self._close(finish, Status.ABORTED if finish is Finish.ABORTED else Status.INTERRUPTED, str(error))
-        except Exception as failure:
-            # Whoever closes it later must not wait for that disk, too.
-            self._recorder.abandon()
-            self._unclosed += f" The session could not be closed: {failure}."
-
-    def _close(self, finish: Finish, status: Status, why: str) -> None:
-        self._audit.note("finish", finish=finish.value, why=why, unsafe=list(self._unsafe))
-
-        def close() -> None:
-            self._recorder.write_events(self._audit.take())
-            self._recorder.close(status)
-
-        within(CLOSE_LIMIT, "closing the session", close)
-
-    def _fault(self, error: BaseException) -> BaseException:
-        """Return the error to raise, with how to go on."""
-        self._report(State.FAULT, str(error))
-        if isinstance(error, OSError) and not isinstance(error, DeviceError):
-            return OSError(error.errno, f"{_sentence(error.strerror or str(error))} {self._how_to_go_on}")
-        if isinstance(error, DeviceError | CancelledError | PausedError | KeyboardInterrupt):
-            return CaptureFaultError(f"{_sentence(str(error) or 'interrupted')} {self._how_to_go_on}")
-        error.add_note(self._how_to_go_on)
-        return error
-
-    @property
-    def _n_complete(self) -> int:
-        return self._plan.n_poses - len(self._missing) + self._writer.n_written
-
-    @property
-    def _how_to_go_on(self) -> str:
-        rig = f"NOT SAFE: {'; '.join(self._unsafe)}" if self._unsafe else "The light is off"
-        return (
-            f"{rig}; {self._n_complete} of {self._plan.n_poses} poses are safe in {self._path}."
-            f"{self._unclosed} "
-            f"Go on with: halfangle resume {self._path}"
-        )
+        return self._outcome(finish, self._ending.message(str(error) or finish.value))
 
     def _outcome(self, finish: Finish, message: str) -> Outcome:
         seconds = self._rig.clock.now() - self._began
         warnings = tuple(self._tally.warnings)
-        return Outcome(finish, self._path, self._n_complete, self._plan.n_poses, message, seconds, warnings)
+        return Outcome(finish, self._path, self._ending.n_complete, self._plan.n_poses, message, seconds, warnings)
 
     def _warn(self, warning: str) -> None:
         if warning:
@@ -379,7 +292,7 @@ class Run:
         left = len(self._missing) - n_taken
         progress = Progress(
             state=state,
-            n_complete=self._n_complete,
+            n_complete=self._ending.n_complete,
             n_poses=self._plan.n_poses,
             n_frames=self._tally.n_frames,
             elapsed=now - self._began,
@@ -389,16 +302,3 @@ class Run:
             news=news,
         )
         tell(self._watcher, progress)
-
-
-def _finish_of(error: BaseException) -> Finish:
-    """Return how a run ends that met `error`: a device that may come back pauses it, all else is a fault."""
-    if isinstance(error, CancelledError):
-        return Finish.ABORTED
-    if isinstance(error, PausedError | KeyboardInterrupt | DeviceLostError | DeviceTimeoutError):
-        return Finish.PAUSED
-    return Finish.FAULT
-
-
-def _sentence(text: str) -> str:
-    return text if text.endswith((".", "?", "!")) else f"{text}."
