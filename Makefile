@@ -8,15 +8,18 @@ NO_GUI = $$($(BIN)/python -c 'import PySide6.QtWidgets' 2>/dev/null || \
 # A file of tests to each of two processes at a time: what tests of a file share is made once.
 TWO = -n 2 --dist loadfile
 
-.PHONY: help setup demo test checks faults soak screenshots lint format constraints clean
+.PHONY: help setup setup-run demo test checks faults soak screenshots lint format constraints clean
 
 help: ## show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
 
-setup: ## make .venv ready; does nothing when it is
-	@scripts/setup.sh
+setup: ## make .venv ready for everything; does nothing when it is
+	@scripts/setup.sh all
 
-demo: setup ## simulated rig to scored report, into demo/
+setup-run: ## the same for the commands alone: no window, no drivers' libraries, no Mitsuba, no tests
+	@scripts/setup.sh run
+
+demo: setup-run ## simulated rig to scored report, into demo/
 	$(BIN)/halfangle demo -o demo --force
 
 test: export QT_QPA_PLATFORM = offscreen
@@ -55,6 +58,8 @@ PIN = CUSTOM_COMPILE_COMMAND="make constraints" $(BIN)/pip-compile --quiet --upg
 
 constraints: setup ## pin every dependency with its hashes, from pyproject.toml; needs what GenICam cameras need
 	$(PIN) --extra dev --extra gui --build-deps-for editable --allow-unsafe --output-file constraints.txt pyproject.toml
+	@# Of the same versions: what the commands themselves need, for those who do not work on the program.
+	$(PIN) --constraint constraints.txt --build-deps-for editable --output-file constraints-run.txt pyproject.toml
 	@# Built without Cairo, which draws, and which no camera needs.
 	echo 'PyGObject<3.51' | $(PIN) --unsafe-package pycairo --output-file constraints-genicam.txt -
 	sed -i -e 's/^pygobject==[^ ]*/& --config-settings=setup-args=-Dpycairo=disabled/' -e '/^# WARNING/,$$d' \

@@ -28,7 +28,7 @@ def console(rig: Path, faults: Path | None) -> None:
     except ImportError as error:
         raise click.ClickException(
             f"the console cannot start: {error}. It needs the extra halfangle[gui], "
-            "and on Linux the system libraries that scripts/setup.sh names."
+            "and on Linux the system libraries that scripts/setup.sh names: `make setup` brings both."
         ) from None
     sys.exit(run(config, devices))
 

@@ -189,5 +189,7 @@ def _contracts() -> Callable[[Mapping[str, Any], Sequence[Kind]], bool]:
     try:
         from drivers.contracts.bench import run_contracts
     except ModuleNotFoundError:
-        raise DriverNotFoundError('driver-test needs pytest. Install it: pip install "halfangle[dev]"') from None
+        raise DriverNotFoundError(
+            'driver-test needs pytest. Install it: `make setup`, or pip install "halfangle[dev]"'
+        ) from None
     return run_contracts

@@ -1,13 +1,17 @@
 #!/bin/sh
-# Makes .venv ready: finds a Python, sees to system packages, installs what constraints.txt pins.
-# Safe to repeat and after an interrupted run; when nothing has changed it does nothing.
+# Makes .venv ready: finds a Python, sees to system packages, installs what is pinned.
+# scripts/setup.sh run    what the commands need (constraints-run.txt)
+# scripts/setup.sh [all]  that, the window, the drivers' libraries, Mitsuba, tests and linters too (constraints.txt)
+# Safe to repeat and after an interrupted run; when nothing has changed it does nothing. All holds what run needs, in the
+# same versions, so that one is put on top of the other.
 # PYTHON=python3.12 scripts/setup.sh takes that interpreter.
 set -eu
 cd "$(dirname "$0")/.."
+set_name=${1:-all}
 here=$(pwd -P)
 PATH=$PATH:/usr/sbin:/sbin # ldconfig lives there, outside a user's path
 venv_python=.venv/bin/python
-stamp=.venv/ready
+stamps=.venv/ready # -run and -all: what this set was made from
 
 # Debian package, and what shows that it is there: a command, a file, or a shared library.
 gui_needs='
@@ -70,10 +74,15 @@ find_python() {
         "Install one (Debian 12, Ubuntu 24.04 or later: apt-get install python3 python3-venv) and run this again."
 }
 
-# What this .venv was made from. Its place counts too: its scripts and the editable install hold the path.
+# What a set ($1) in this .venv was made from. Its place counts too: its scripts and the editable install hold the path.
 fingerprint() {
-    cat pyproject.toml constraints*.txt scripts/setup.sh | cksum
-    echo "missing for cameras:$(missing "$camera_needs")"
+    case $1 in
+    run) cat pyproject.toml constraints-run.txt scripts/setup.sh | cksum ;;
+    all)
+        cat pyproject.toml constraints*.txt scripts/setup.sh | cksum
+        echo "missing for cameras:$(missing "$camera_needs")"
+        ;;
+    esac
     version_of "$venv_python"
     echo "$here"
 }
@@ -83,7 +92,8 @@ runs_this() {
 }
 
 is_ready() {
-    [ -f "$stamp" ] && [ "$(fingerprint)" = "$(cat "$stamp")" ] && runs_this "${PYTHON:-$venv_python}"
+    [ -f "$stamps-$set_name" ] && [ "$(fingerprint "$set_name")" = "$(cat "$stamps-$set_name")" ] &&
+        runs_this "${PYTHON:-$venv_python}"
 }
 
 is_present() {
@@ -129,9 +139,10 @@ apt_install() {
     DEBIAN_FRONTEND=noninteractive apt-get -qq -y -o Dpkg::Use-Pty=0 install --no-install-recommends $1
 }
 
+# A Python ($1) that cannot make a .venv ends it; what the window needs ($2) does not.
 see_to_system_packages() {
     needed=$(missing_venv_package "$1")
-    wanted=$(missing "$gui_needs")
+    wanted=$2
     if [ -z "$needed$wanted" ]; then return; fi
     if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
         apt_install "$needed$wanted" || [ -z "$needed" ] || fail "apt-get could not install$needed; see above."
@@ -156,8 +167,9 @@ is_usable() {
         grep -qF "$here/.venv/" .venv/bin/pip
 }
 
+# Bytecode comes afterwards: pip would compile every file, one after another, which takes as long as the rest.
 pip_install() {
-    "$venv_python" -m pip install -q --disable-pip-version-check "$@"
+    "$venv_python" -m pip install -q --disable-pip-version-check --no-compile "$@"
 }
 
 # Python's way to Aravis. It is built here, once, within seconds, by tools that are pinned as well.
@@ -166,26 +178,86 @@ install_for_cameras() {
     pip_install --require-hashes -r constraints-genicam-build.txt &&
         PATH=$here/.venv/bin:$PATH pip_install --require-hashes --no-deps --no-build-isolation -r constraints-genicam.txt ||
         echo "setup: PyGObject could not be built, see above: no GenICam cameras, all else is ready." \
-            "To try again: rm .venv/ready, then make setup." >&2
+            "To try again: rm .venv/ready-all, then make setup." >&2
+}
+
+# What nobody here has a use for: the packages' own tests, and 160 MB of debug information in HDF5's filters.
+trim() {
+    find .venv/lib/python3*/site-packages -name tests -type d -prune -exec rm -rf {} +
+    if ! command -v strip >/dev/null; then return; fi
+    strip --strip-debug .venv/lib/python3*/site-packages/hdf5plugin/plugins/*.so ||
+        echo "setup: HDF5's filters keep their debug information, see above; they work all the same." >&2
+}
+
+# Bytecode of what the commands import, also where the environment says that none is to be written: without it every
+# process would compile anew.
+compile_imported() {
+    env -u PYTHONDONTWRITEBYTECODE "$venv_python" -c '
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+
+for package in ("analysis", "cli", "drivers", "instrument", "protocols"):
+    for path in Path(package).rglob("*.py"):
+        if path.name != "__init__.py":
+            with suppress(ImportError):
+                import_module(".".join(path.with_suffix("").parts))
+'
+}
+
+# Some packages ship files that are no Python, on purpose.
+compile_all() {
+    "$venv_python" -m compileall -qq -j 0 .venv/lib || true
+}
+
+stamp() {
+    fingerprint "$1" >"$stamps.new"
+    mv "$stamps.new" "$stamps-$1"
+}
+
+install_run() {
+    echo "setup: installing what the commands need into .venv (half a minute and 0.7 GB the first time)"
+    pip_install --require-hashes -r constraints-run.txt
+}
+
+install_all() {
+    echo "setup: installing everything into .venv (about a minute and 2 GB the first time)"
+    pip_install --require-hashes -r constraints.txt
 }
 
 install() {
-    rm -f "$stamp"
+    rm -f "$stamps"*
     is_usable "$1" || "$1" -m venv --clear .venv
-    echo "setup: installing into .venv (about a minute and 2 GB the first time)"
-    pip_install --require-hashes -r constraints.txt
-    # The build backend is pinned in constraints.txt as well, so nothing arrives that has no hash.
+    "install_$set_name"
+    # The build backend is pinned with the rest, so nothing arrives that has no hash.
     pip_install --no-build-isolation --no-deps -e .
-    install_for_cameras
-    fingerprint >"$stamp.new"
-    mv "$stamp.new" "$stamp"
+    case $set_name in
+    run)
+        trim
+        compile_imported
+        ;;
+    all)
+        install_for_cameras
+        compile_all
+        stamp all
+        ;;
+    esac
+    stamp run
 }
 
+case $set_name in
+run | all) ;;
+*) fail "there is no set '$set_name'; there are run (what the commands need) and all" ;;
+esac
 if is_ready; then exit 0; fi
 python=$(find_python)
-see_to_system_packages "$python"
-see_to_packages_of_extra 'GenICam cameras and their tests' "$(missing_camera_packages "$python")"
-see_to_packages_of_extra 'scenes that Mitsuba renders' "$(missing "$renderer_needs")"
-see_to_packages_of_extra 'clicks on a screen, in one test,' "$(missing "$screen_needs")"
+if [ "$set_name" = all ]; then
+    see_to_system_packages "$python" "$(missing "$gui_needs")"
+    see_to_packages_of_extra 'GenICam cameras and their tests' "$(missing_camera_packages "$python")"
+    see_to_packages_of_extra 'scenes that Mitsuba renders' "$(missing "$renderer_needs")"
+    see_to_packages_of_extra 'clicks on a screen, in one test,' "$(missing "$screen_needs")"
+else
+    see_to_system_packages "$python" ''
+fi
 install "$python"
 echo "setup: ready ($(version_of "$venv_python"))"
