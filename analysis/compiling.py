@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import numba
+
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 # Of this name in the simulated rig too, which shares no code with the analysis but the word to the user.
 _log = logging.getLogger("halfangle.compiling")
 
 
-def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+def njit(**options: Any) -> Callable[[Kernel], Kernel]:
     """Compile as `numba.njit` does, without a cache where there is no folder that can be written for one.
 
     Parameters
@@ -21,15 +23,16 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
         Of `numba.njit`.
     """
 
-    def compiled(kernel: Callable[..., Any]) -> Any:
+    def compiled(kernel: Kernel) -> Kernel:
         try:
-            return numba.njit(**options)(kernel)
+            found: Kernel = numba.njit(**options)(kernel)
         except RuntimeError as error:
             # A program that is installed read-only, for a user without a home, still works.
             if "no locator available" not in str(error):
                 raise
             _tell()
-        return numba.njit(**options | {"cache": False})(kernel)
+            found = numba.njit(**options | {"cache": False})(kernel)
+        return found
 
     return compiled
 

@@ -58,8 +58,9 @@ def write_json(
     NotWrittenError
         If the disk or the folder does not take it.
     """
-    with written_whole(path, overwrite=overwrite) as part:
-        part.write_text(json.dumps(finite(value), indent=2) + "\n", encoding="utf-8")
+    text = json.dumps(finite(value), indent=2) + "\n"
+    with written_whole(path, overwrite=overwrite, n_bytes=len(text)) as part:
+        part.write_text(text, encoding="utf-8")
         if read is not None:
             refuse_unreadable(path, part, read)
 
