@@ -76,7 +76,7 @@ def bench(
     with run_bar("bench", quiet=quiet) as (announce, track):
         report = run.bench(chosen, seed, announce, track) | {"quick": quick, "only": only}
     if json_file:
-        write_json(json_file, report)
+        write_json(json_file, report, read=read_report)
     if folder is not None:
         _write_folder(folder, report)
     click.echo(rows_table(report["rows"]))
@@ -90,12 +90,14 @@ def bench(
 
 
 def _write_folder(folder: Path, report: dict[str, Any]) -> None:
+    from benchmarks.accuracy.compare import read_report
     from benchmarks.accuracy.page import page
     from benchmarks.accuracy.pareto import write_pareto
+    from instrument.files.whole_file import write_whole
 
-    write_json(folder / "bench.json", report)
+    write_json(folder / "bench.json", report, read=read_report)
     write_pareto(folder / "bench.png", report)
-    (folder / "accuracy.md").write_text(page(report), encoding="utf-8")
+    write_whole(folder / "accuracy.md", page(report))
 
 
 def _tell(comparison: Comparison | None, old_file: Path) -> None:

@@ -38,6 +38,7 @@ def calibrate(
     check_new(*(path for path in (output, page, json_file) if path))
     from analysis.pipeline import calibrate as run
     from analysis.pipeline import check_calibration
+    from analysis.reporting.calibration_file import read_calibration
     from analysis.reporting.calibration_report import write_calibration_page
     from analysis.reporting.checks import Status, count
     from analysis.reporting.text import budget_text, checks_text
@@ -51,7 +52,7 @@ def calibrate(
     if page:
         write_calibration_page(page, report, f"Calibration of {session.name}")
     if json_file:
-        write_json(json_file, report.as_dict())
+        write_json(json_file, report.as_dict(), read=read_calibration)
     if output:
         click.echo(f"{output}: {_stack_text(calibrated)}")
     if report.budget is not None:

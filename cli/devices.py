@@ -148,7 +148,9 @@ def _picture_writer(output: Path | None) -> Callable[[Any], None]:
     def write(counts: Any) -> None:
         import cv2
 
-        output.write_bytes(cv2.imencode(output.suffix, counts)[1].tobytes())
+        from instrument.files.whole_file import write_whole
+
+        write_whole(output, cv2.imencode(output.suffix, counts)[1].tobytes())
 
     return write
 

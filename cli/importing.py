@@ -150,12 +150,13 @@ def _kind(prepared: Import) -> str:
 
 
 def _write_template(folder: Path) -> None:
+    from instrument.files.whole_file import write_whole
     from instrument.imports.prepare import CAPTURE_FILE
     from instrument.imports.template import capture_template
 
     path = folder / CAPTURE_FILE
     check_new(path)
-    path.write_text(capture_template(folder), encoding="utf-8")
+    write_whole(path, capture_template(folder))
     click.echo(f"{path}: complete it, then run: halfangle import {folder}")
 
 

@@ -78,9 +78,9 @@ def main(arguments: list[str] | None = None) -> Any:
 
 
 def _n_abandoned() -> int:
-    # Only a command that recorded has imported it.
-    recorder = sys.modules.get("instrument.recording.recorder")
-    return 0 if recorder is None else int(recorder.n_abandoned())
+    # Only a command that wrote HDF5 has imported it.
+    writer = sys.modules.get("instrument.files.new_hdf5")
+    return 0 if writer is None else int(writer.n_abandoned())
 
 
 def _leave(code: int, n_abandoned_before: int) -> None:

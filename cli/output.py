@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from instrument.files.validation import InvalidInputError, Problem
+from instrument.files.whole_file import refuse_unreadable, written_whole
 
 FINISHED_WITH_WARNINGS = 3
 """Exit code: what was asked for is done, and is not to be trusted before it has been looked at."""
@@ -33,9 +35,34 @@ def check_new(*paths: Path) -> None:
         raise InvalidInputError("Nothing was written.", problems)
 
 
-def write_json(path: Path, value: Any) -> None:
-    """Write `value` as JSON; NaN and infinities become null, since JSON has none."""
-    path.write_text(json.dumps(finite(value), indent=2) + "\n", encoding="utf-8")
+def write_json(
+    path: Path, value: Any, *, read: Callable[[Path], object] | None = None, overwrite: bool = False
+) -> None:
+    """Write `value` as JSON, whole or not at all; NaN and infinities become null, since JSON has none.
+
+    Parameters
+    ----------
+    path : Path
+    value : object
+    read : callable, optional
+        Its reader, which has to take the file.
+    overwrite : bool
+        Takes the place of a file that is there.
+
+    Raises
+    ------
+    FileExistsError
+        If there is something at `path` and it is not to be overwritten.
+    InvalidInputError
+        If `read` refuses it.
+    NotWrittenError
+        If the disk or the folder does not take it.
+    """
+    text = json.dumps(finite(value), indent=2) + "\n"
+    with written_whole(path, overwrite=overwrite, n_bytes=len(text)) as part:
+        part.write_text(text, encoding="utf-8")
+        if read is not None:
+            refuse_unreadable(path, part, read)
 
 
 def finite(value: Any) -> Any:

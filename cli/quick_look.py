@@ -65,11 +65,12 @@ def write_picture(found: Found, path: Path) -> None:
         If there are no normals to show.
     """
     from analysis.quick_look.figure import quick_figure
+    from instrument.files.whole_file import write_whole
 
     if found.look.problems:
         problems = [Problem(str(found.path), what) for what in found.look.problems]
         raise InvalidInputError(f"There are no normals to draw; {path} was not written.", problems)
-    path.write_bytes(quick_figure(found.look))
+    write_whole(path, quick_figure(found.look))
 
 
 def quick_text(found: Found) -> str:

@@ -58,9 +58,9 @@ def reproduce(
             results.append(result)
             click.echo(_line(result))
     summary = {"quick": quick, "seed": seed, "experiments": [{key: r.get(key) for key in SUMMARY} for r in results]}
-    write_json(folder / "reproduction.json", summary)
+    write_json(folder / "reproduction.json", summary, overwrite=True)
     if json_file is not None:
-        write_json(json_file, summary)
+        write_json(json_file, summary, overwrite=True)
     for target in (folder / "reproduction.md", page):
         if target is not None:
             write_page(target, folder, results, summary)

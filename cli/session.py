@@ -158,6 +158,7 @@ def write_documents(path: Path, output: Path) -> None:
     """Write the session PATH as documents of the event model, a name and a document a line; the frames stay in PATH."""
     from cli.output import check_new
     from instrument.files.probe import refuse_dangerous
+    from instrument.files.whole_file import write_whole
     from instrument.session.session import Session
     from instrument.session_tools.documents import as_line, documents
 
@@ -165,7 +166,7 @@ def write_documents(path: Path, output: Path) -> None:
     refuse_dangerous(path)
     with Session(path) as source:
         lines = [as_line(name, document) for name, document in documents(source)]
-    output.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+    write_whole(output, "".join(f"{line}\n" for line in lines))
     click.echo(f"{output}: {len(lines)} documents")
 
 

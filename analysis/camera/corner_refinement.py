@@ -17,10 +17,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from analysis.camera.lens import Lens
+from analysis.compiling import njit
 
 Array = NDArray[np.float64]
 

@@ -15,11 +15,11 @@ the cosine transform makes diagonal [frankot1988, simchony1990]. Holes and weigh
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.fft import dctn, idctn
 
+from analysis.compiling import njit
 from analysis.depth.multigrid import PairSystem
 
 Array = NDArray[np.float64]

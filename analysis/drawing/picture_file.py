@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from analysis.drawing.colours import display_colours
 from analysis.drawing.figures import picture
 from instrument.files.validation import InvalidInputError, Problem
+from instrument.files.whole_file import write_whole, written_whole
 
 SUFFIXES = (".exr", ".npy", ".png")
 
@@ -33,16 +35,23 @@ def write_picture(path: Path, radiance: NDArray[np.float64]) -> None:
 
     Raises
     ------
+    FileExistsError
+        If there is something at `path`.
     InvalidInputError
         If the name's ending is not one of `SUFFIXES`.
+    NotWrittenError
+        If the disk or the folder does not take it.
     """
     check_picture_name(path)
     linear = radiance.astype(np.float32)
     if path.suffix.lower() == ".npy":
-        np.save(path, linear)
+        file = io.BytesIO()
+        np.save(file, linear)
+        write_whole(path, file.getvalue())
     elif path.suffix.lower() == ".png":
-        path.write_bytes(picture(display_colours(radiance)))
+        write_whole(path, picture(display_colours(radiance)))
     else:
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
         channels: dict[str, Any] = {"RGB" if linear.shape[-1] == 3 else "Y": np.ascontiguousarray(linear.squeeze())}
-        OpenEXR.File(header, channels).write(str(path))
+        with written_whole(path) as part:
+            OpenEXR.File(header, channels).write(str(part))

@@ -6,7 +6,7 @@ notice edits in functions that a kernel imports: remove `__pycache__/*.nb*` afte
 
 from __future__ import annotations
 
-from numba import njit
+from analysis.compiling import njit
 
 kernel = njit(cache=True, nogil=True, error_model="numpy")
 """Decorator of a kernel."""

@@ -10,9 +10,10 @@ so a stack that was registered to the plane shows it shifted, by z times the tan
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
+from analysis.compiling import njit
 from analysis.pixels.samples import Samples
 from analysis.registration.stack import Stack
 

@@ -16,9 +16,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
+from analysis.compiling import njit
 from analysis.radiometry.mosaic import cell_shape
 
 Array = NDArray[np.float64]

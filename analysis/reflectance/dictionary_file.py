@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from analysis.reflectance.atom_file import TABLE_DATASETS, read_tables, write_tables
 from analysis.reflectance.atoms import TabulatedAtom
+from instrument.files.new_hdf5 import BOOKKEEPING_BYTES, new_hdf5
 from instrument.files.untrusted import HDF5_ERRORS, array_problems, open_foreign, text_problems
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
+from instrument.files.whole_file import refuse_unreadable, written_whole
 
 SCHEMA = "1.0"
 
@@ -77,16 +79,22 @@ def write_dictionary(path: Path, tables: MaterialTables) -> None:
     ------
     FileExistsError
         If there is a file already.
+    InvalidInputError
+        If the dictionary could not be read again.
+    NotWrittenError
+        If the disk or the folder does not take it.
     """
-    if path.exists():
-        raise FileExistsError(f"{path} exists and is not overwritten; choose another name")
-    part = path.with_name(f".{path.name}.part")
-    try:
-        with h5py.File(part, "w") as file:
+    with written_whole(path) as part:
+        with new_hdf5(part, _most_bytes(tables)) as file:
             _write(file, tables)
-        part.rename(path)
-    finally:
-        part.unlink(missing_ok=True)
+        refuse_unreadable(path, part, read_dictionary)
+
+
+def _most_bytes(tables: MaterialTables) -> int:
+    # Nothing that is packed takes more than it is, but for the edges of its chunks.
+    values = sum(atom.value.nbytes for atom in tables.atoms) + tables.n_measured.nbytes
+    # A text of any length takes a page of HDF5's heap at most.
+    return int(1.1 * values) + 1000 * (len(tables.atoms) + len(tables.materials)) + 4 * BOOKKEEPING_BYTES
 
 
 def _write(file: Any, tables: MaterialTables) -> None:

@@ -9,10 +9,11 @@ neighbours, so that tiles of any size give the same bits.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from analysis.camera.view import in_camera, project
+from analysis.compiling import njit
 
 Array = NDArray[np.float64]
 

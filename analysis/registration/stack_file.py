@@ -6,7 +6,9 @@ everything and reports all that is wrong at once.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -17,8 +19,11 @@ from numpy.typing import NDArray
 
 from analysis.registration.stack import Stack, Truth
 from instrument.files.json_text import parse_json
+from instrument.files.new_hdf5 import BOOKKEEPING_BYTES, new_hdf5
 from instrument.files.untrusted import HDF5_ERRORS, array_problems, hard_linked, open_foreign, text_attribute
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
+from instrument.files.whole_file import refuse_unreadable, written_whole
+from instrument.session.reader import open_hdf5
 
 Array = NDArray[np.float64]
 
@@ -55,22 +60,25 @@ class StackWriter:
     ------
     FileExistsError
         If there is a file already.
+    InvalidInputError
+        At the end, if the stack could not be read again.
+    NotWrittenError
+        If the disk or the folder does not take it.
     """
 
     def __init__(self, path: Path, stack: Stack) -> None:
-        if path.exists():
-            raise FileExistsError(f"{path} exists and is not overwritten; choose another name, or remove it first")
-        self._path, self._part = path, path.with_name(f".{path.name}.part")
-        self._file = h5py.File(self._part, "w")
-        self._file.attrs.update({"NX_class": "NXroot", "default": "entry", "creator": "halfangle"})
-        entry = _group(self._file, "entry", "NXentry", default="stack", halfangle_schema=SCHEMA)
-        for name, text in stack.notes.items():
-            entry.attrs[name] = text
-        self._data = _group(entry, "stack", "NXdata", signal="radiance", pixels=stack.pixels)
-        self._create_pictures(stack)
-        _write_geometry(_group(entry, "geometry", "NXcollection"), stack)
-        if stack.truth is not None:
-            _write_truth(_group(entry, "truth", "NXcollection"), stack.truth)
+        with ExitStack() as opened:
+            file = opened.enter_context(_new_file(path, _most_bytes(stack)))
+            file.attrs.update({"NX_class": "NXroot", "default": "entry", "creator": "halfangle"})
+            entry = _group(file, "entry", "NXentry", default="stack", halfangle_schema=SCHEMA)
+            for name, text in stack.notes.items():
+                entry.attrs[name] = text
+            self._data = _group(entry, "stack", "NXdata", signal="radiance", pixels=stack.pixels)
+            self._create_pictures(stack)
+            _write_geometry(_group(entry, "geometry", "NXcollection"), stack)
+            if stack.truth is not None:
+                _write_truth(_group(entry, "truth", "NXcollection"), stack.truth)
+            self._opened = opened.pop_all()
 
     def __enter__(self) -> Self:
         return self
@@ -78,12 +86,7 @@ class StackWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        try:
-            self._file.close()
-            if error is None:
-                self._part.rename(self._path)
-        finally:
-            self._part.unlink(missing_ok=True)
+        self._opened.__exit__(kind, error, trace)
 
     def write_view(
         self,
@@ -117,6 +120,10 @@ def write_stack(path: Path, stack: Stack) -> None:
     ------
     FileExistsError
         If there is a file already.
+    InvalidInputError
+        If the stack could not be read again.
+    NotWrittenError
+        If the disk or the folder does not take it.
     """
     with StackWriter(path, stack) as writer:
         for v in range(stack.n_views):
@@ -125,9 +132,44 @@ def write_stack(path: Path, stack: Stack) -> None:
 
 
 def write_truth(path: Path, truth: Truth) -> None:
-    """Add what is known of a simulated sample to a stack's file."""
-    with h5py.File(path, "r+") as file:
-        _write_truth(_group(file["entry"], "truth", "NXcollection"), truth)
+    """Add what is known of a simulated sample to a stack's file: to a copy, which then takes its place.
+
+    Raises
+    ------
+    InvalidInputError
+        If the stack could not be read again.
+    NotWrittenError
+        If the disk or the folder does not take the copy; the stack is as it was.
+    """
+    with written_whole(path, overwrite=True) as part:
+        with new_hdf5(part, path.stat().st_size + _truth_bytes(truth) + BOOKKEEPING_BYTES) as file:
+            with h5py.File(path, "r") as before:
+                file.attrs.update(before.attrs)
+                before.copy("entry", file)
+            _write_truth(_group(file["entry"], "truth", "NXcollection"), truth)
+        refuse_unreadable(path, part, _check_file)
+
+
+@contextmanager
+def _new_file(path: Path, n_bytes: int) -> Iterator[Any]:
+    with written_whole(path) as part:
+        with new_hdf5(part, n_bytes) as file:
+            yield file
+        refuse_unreadable(path, part, _check_file)
+
+
+def _most_bytes(stack: Stack) -> int:
+    """Return how large the file of a stack becomes, at most."""
+    n_values = math.prod(stack.radiance.shape)
+    pictures = n_values * (4 + 4 * (stack.variance is not None) + (stack.saturated is not None))
+    texts = sum(len(text.encode()) for text in stack.notes.values())
+    truth = 0 if stack.truth is None else _truth_bytes(stack.truth)
+    # A view has a chunk in each dataset, and a row in the geometry.
+    return pictures + texts + truth + 1000 * stack.n_views + BOOKKEEPING_BYTES
+
+
+def _truth_bytes(truth: Truth) -> int:
+    return truth.normals.nbytes + truth.depth.nbytes + (0 if truth.material is None else truth.material.nbytes)
 
 
 def _group(parent: Any, name: str, nx_class: str, **attributes: str) -> Any:
@@ -156,7 +198,7 @@ def _write_truth(group: Any, truth: Truth) -> None:
 def is_stack(path: Path) -> bool:
     """Tell whether a file claims to be a registered stack (and not, say, a session); a damaged one by its name."""
     try:
-        with h5py.File(path, "r") as file:
+        with open_hdf5(path) as file:
             return bool(hard_linked(file, "/entry/stack") or not hard_linked(file, "/entry/instrument"))
     except HDF5_ERRORS:
         return path.name.endswith(".stack.h5")
@@ -173,7 +215,7 @@ def read_stack(path: Path) -> Stack:
     title = f"{path} cannot be read as a registered stack."
     file = open_foreign(path, title)
     try:
-        stack = _read_checked(file, title)
+        stack = _read_checked(file, title, IN_MEMORY_BYTES)
     except HDF5_ERRORS as error:
         file.close()
         if isinstance(error, InvalidInputError):
@@ -184,9 +226,15 @@ def read_stack(path: Path) -> Stack:
     return stack
 
 
-def _read_checked(file: Any, title: str) -> Stack:
+def _check_file(path: Path) -> None:
+    """Raise what `read_stack` would, one view in memory at a time."""
+    with open_foreign(path, "") as file:
+        _read_checked(file, "", 0)
+
+
+def _read_checked(file: Any, title: str, in_memory: int) -> Stack:
     raise_if_any(title, _check(file))
-    stack = _read(file)
+    stack = _read(file, in_memory)
     raise_if_any(title, _check_values(stack))
     return stack
 
@@ -256,7 +304,7 @@ def _check_optional(file: Any, path: str, wanted: tuple[int, ...]) -> Iterator[P
         yield Problem(path, f"has shape {found.shape}; must be {wanted}")
 
 
-def _read(file: Any) -> Stack:
+def _read(file: Any, in_memory: int) -> Stack:
     def optional(path: str, dtype: type[Any]) -> Any:
         found = _dataset(file, path)
         # A number beyond float32 becomes infinite, which is not seen.
@@ -267,7 +315,7 @@ def _read(file: Any) -> Stack:
     n = radiance.shape[0]
     pictures = {"radiance": np.float32, "variance": np.float32, "saturated": np.uint8}
     found = {name: _dataset(file, f"/entry/stack/{name}") for name in pictures}
-    if not _stays_on_disk([dataset for dataset in found.values() if dataset is not None]):
+    if not _stays_on_disk([dataset for dataset in found.values() if dataset is not None], in_memory):
         found = {name: optional(f"/entry/stack/{name}", dtype) for name, dtype in pictures.items()}
     light_power = optional(f"{_GEOMETRY}/light_power", np.float64)
     falloff_sigma = optional(f"{_GEOMETRY}/falloff_sigma", np.float64)
@@ -293,13 +341,13 @@ def _read(file: Any) -> Stack:
     )
 
 
-def _stays_on_disk(datasets: list[Any]) -> bool:
+def _stays_on_disk(datasets: list[Any], in_memory: int) -> bool:
     """Tell whether pictures are large, and lie in their file so that a part can be read without the rest."""
     # A compressed chunk must be unpacked as a whole, again for every tile, and one of many views for every view.
     plain = all(
         d.id.get_create_plist().get_nfilters() == 0 and (d.chunks is None or d.chunks[0] == 1) for d in datasets
     )
-    return plain and sum(np.prod(d.shape, dtype=np.float64) * d.dtype.itemsize for d in datasets) > IN_MEMORY_BYTES
+    return plain and sum(np.prod(d.shape, dtype=np.float64) * d.dtype.itemsize for d in datasets) > in_memory
 
 
 def _truth(normals: Array | None, depth: Array | None, material: NDArray[np.int64] | None) -> Truth | None:

@@ -21,6 +21,7 @@ from analysis.reporting.calibration_figures import calibration_figures
 from analysis.reporting.calibration_file import view_figures
 from analysis.reporting.checks import Check, Status, by_severity, count
 from analysis.reporting.session_facts import SessionFacts, facts_of
+from instrument.files.whole_file import write_whole
 from instrument.session.session import Session
 
 _HEADLINE = (
@@ -110,6 +111,8 @@ def write_calibration_page(path: Path, report: CalibrationReport, title: str) ->
     ------
     FileExistsError
         If there is a file already.
+    NotWrittenError
+        If the disk or the folder does not take it.
     """
     page = _template().render(
         title=title,
@@ -124,8 +127,7 @@ def write_calibration_page(path: Path, report: CalibrationReport, title: str) ->
         n_views=len(report.calibration.i_pose),
         n_complete=report.facts.n_complete,
     )
-    with path.open("x", encoding="utf-8") as file:
-        file.write(page)
+    write_whole(path, page)
 
 
 def _template() -> jinja2.Template:

@@ -18,6 +18,7 @@ from analysis.drawing.figures import STYLE, Point, group_map, picture, png, scal
 from analysis.palette.materials import group_materials
 from analysis.reflectance.models import Cosines
 from analysis.results.result import FLAG_NAMES, MODEL_NAMES, Result, diffuse_albedo, model_used
+from instrument.files.whole_file import write_whole
 
 Array = NDArray[np.float64]
 
@@ -36,6 +37,8 @@ def write_report(path: Path, result: Result, title: str) -> None:
     ------
     FileExistsError
         If there is a file already.
+    NotWrittenError
+        If the disk or the folder does not take it.
     """
     groups = group_materials(result.fits)
     picked = picked_points(result, groups)
@@ -55,8 +58,7 @@ def write_report(path: Path, result: Result, title: str) -> None:
         flags=_flag_counts(result),
         models=_model_counts(result),
     )
-    with path.open("x", encoding="utf-8") as file:
-        file.write(page)
+    write_whole(path, page)
 
 
 def picked_points(result: Result, groups: NDArray[np.int16]) -> list[Point]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -26,8 +27,10 @@ from analysis.results.result_checks import result_problems, value_problems
 from analysis.results.summary import Summary, Value, plain, value_from_json
 from analysis.results.views import read_views, write_views
 from analysis.stages import Stage
+from instrument.files.new_hdf5 import BOOKKEEPING_BYTES, new_hdf5
 from instrument.files.untrusted import HDF5_ERRORS, open_foreign, text_attribute
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
+from instrument.files.whole_file import refuse_unreadable, written_whole
 
 SCHEMA = "1.2"
 """1.1 brought atoms that are tables, 1.2 the views as they were fitted."""
@@ -40,21 +43,49 @@ def write_result(path: Path, result: Result) -> None:
     ------
     FileExistsError
         If there is a file already.
+    InvalidInputError
+        If the result could not be read again.
+    NotWrittenError
+        If the disk or the folder does not take it.
     """
-    with h5py.File(path, "x") as file:
-        file.attrs.update({"NX_class": "NXroot", "default": "entry", "creator": "halfangle"})
-        entry = file.create_group("entry")
-        entry.attrs.update({"NX_class": "NXentry", "default": "result", "halfangle_schema": SCHEMA})
-        entry.create_dataset("program_version", data=version("halfangle"))
-        for name, value in (("choices", result.choices), ("stages", result.stages)):
-            entry.create_dataset(name, data=json.dumps(plain(value)))
-        entry.create_dataset("summary", data=json.dumps(result.summary.as_dict()))
-        group = entry.create_group("result")
-        group.attrs.update({"NX_class": "NXdata", "signal": "depth"})
-        _write_maps(group, result)
-        _write_brdf(entry.create_group("brdf"), result)
-        if result.views is not None:
-            write_views(entry.create_group("views"), result.views)
+    values = {"choices": plain(result.choices), "stages": plain(result.stages), "summary": result.summary.as_dict()}
+    texts = {name: json.dumps(value) for name, value in values.items()}
+    n_bytes = _most_bytes(result) + sum(len(text) for text in texts.values())
+    with written_whole(path) as part:
+        with new_hdf5(part, n_bytes) as file:
+            _write(file, result, texts)
+        refuse_unreadable(path, part, read_result)
+
+
+def _write(file: Any, result: Result, texts: dict[str, str]) -> None:
+    file.attrs.update({"NX_class": "NXroot", "default": "entry", "creator": "halfangle"})
+    entry = file.create_group("entry")
+    entry.attrs.update({"NX_class": "NXentry", "default": "result", "halfangle_schema": SCHEMA})
+    entry.create_dataset("program_version", data=version("halfangle"))
+    for name, text in texts.items():
+        entry.create_dataset(name, data=text)
+    group = entry.create_group("result")
+    group.attrs.update({"NX_class": "NXdata", "signal": "depth"})
+    _write_maps(group, result)
+    _write_brdf(entry.create_group("brdf"), result)
+    if result.views is not None:
+        write_views(entry.create_group("views"), result.views)
+
+
+def _most_bytes(result: Result) -> int:
+    """Return how large the file of a result becomes, at most: where nothing can be packed."""
+    fits, n_channels = result.fits, result.fits.atom.shape[1]
+    # float32: normals, sigmas, covariance, chi-square, angles, albedo, depth and its sigma, error.
+    n_floats = 3 + 2 + 3 + 1 + 2 + n_channels + 2 + (result.truth_error is not None)
+    # The groups and the models are of two bytes at most.
+    of_pixel = 4 * n_floats + 2 + 2 + fits.flags.itemsize
+    of_pixel += math.prod(fits.atom.shape[1:]) * (fits.atom.itemsize + 4)
+    tables = [atom for atom in fits.dictionary.atoms if isinstance(atom, TabulatedAtom)]
+    values = of_pixel * len(fits.normals) + 4 * sum(atom.value.size for atom in tables)
+    values += 0 if result.materials is None else result.materials.log_sigma.nbytes
+    n_views = 0 if result.views is None else len(result.views.light_power)
+    # The edges of chunks go beyond the maps; a name or a view takes some bytes, and each dataset tables of HDF5.
+    return int(1.1 * values) + 100 * (len(fits.dictionary.atoms) + n_views) + 3 * BOOKKEEPING_BYTES
 
 
 def _write_maps(group: Any, result: Result) -> None:

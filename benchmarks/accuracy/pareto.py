@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from benchmarks.accuracy.compare import number
 from benchmarks.accuracy.rows import Row
 from benchmarks.accuracy.settings import N_VIEWS
+from instrument.files.whole_file import written_whole
 
 COLOURS = {
     "lambert": "#888888",
@@ -60,8 +61,9 @@ def pareto(rows: list[Row]) -> Figure:
 
 
 def write_pareto(path: Path, report: dict[str, Any]) -> None:
-    """Draw `pareto` into a PNG."""
-    pareto(report["rows"]).savefig(path, dpi=DPI)
+    """Draw `pareto` into a new PNG."""
+    with written_whole(path) as part:
+        pareto(report["rows"]).savefig(part, dpi=DPI, format="png")
 
 
 def points(rows: list[Row]) -> Iterator[tuple[float, float, float]]:

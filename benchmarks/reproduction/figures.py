@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +13,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
+
+from instrument.files.whole_file import write_whole
 
 STYLE: dict[Any, Any] = {
     "font.size": 8,
@@ -51,10 +54,13 @@ def drawn(
         figure = Figure(figsize=(width, height), layout="constrained")
         axes: NDArray[np.object_] = figure.subplots(n_rows, n_columns, squeeze=False, **options)
         yield axes
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=DPI)
+        as_drawn = io.BytesIO()
+        figure.savefig(as_drawn, dpi=DPI, format="png")
     # With a palette the file is a third. The thin line of a colour of its own must keep it; shades must not show steps.
     method = Image.Quantize.MEDIANCUT if shaded else Image.Quantize.MAXCOVERAGE
-    with Image.open(path) as image:
+    with Image.open(as_drawn) as image:
         small = image.convert("RGB").quantize(N_COLOURS, method, dither=Image.Dither.NONE)
-    small.save(path, optimize=True)
+    written = io.BytesIO()
+    small.save(written, format="png", optimize=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, written.getvalue(), overwrite=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import textwrap
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 from benchmarks.reproduction.experiment import Experiment
 from benchmarks.reproduction.run_experiment import load
+from instrument.files.whole_file import write_whole
 
 WIDTH = 120
 
@@ -45,7 +45,7 @@ def write_page(target: Path, folder: Path, results: Sequence[Result], summary: R
     size = "quick run" if summary["quick"] else "full run"
     ending = f"Seed {summary['seed']}, {size}, {sum(r['seconds'] for r in results) / 60:.0f} minutes in all."
     parts = ["# The paper, reproduced", _wrapped(INTRODUCTION), _wrapped(ending), _overview(results), *sections]
-    target.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
+    write_whole(target, "\n\n".join(parts) + "\n", overwrite=True)
 
 
 def _overview(results: Sequence[Result]) -> str:
@@ -90,7 +90,7 @@ def _pictures(target: Path, folder: Path, result: Result) -> list[str]:
 
 
 def _copied(source: Path, copy: Path, base: Path) -> str:
-    shutil.copyfile(source, copy)
+    write_whole(copy, source.read_bytes(), overwrite=True)
     return str(copy.relative_to(base))
 
 

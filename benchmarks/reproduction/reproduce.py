@@ -13,6 +13,7 @@ from typing import Any
 from analysis.stages import Track, untracked
 from benchmarks.reproduction.run_experiment import RESULT
 from instrument.files.validation import InvalidInputError, Problem
+from instrument.files.whole_file import write_whole
 
 NAMES = (
     "identifiability",
@@ -113,7 +114,7 @@ def _run(name: str, place: Path, request: Result) -> Result:
     place.mkdir(parents=True, exist_ok=True)
     (place / RESULT).unlink(missing_ok=True)
     file = place / REQUEST
-    file.write_text(json.dumps(request, indent=2), encoding="utf-8")
+    write_whole(file, json.dumps(request, indent=2), overwrite=True)
     ended = subprocess.run(
         [sys.executable, "-m", "benchmarks.reproduction.run_experiment", name, str(file)], check=False
     )

@@ -6,8 +6,8 @@ What it leaves in its folder is `result.json`, written at the end in one piece, 
 from __future__ import annotations
 
 import csv
+import io
 import json
-import os
 import sys
 import time
 import traceback
@@ -18,6 +18,7 @@ from typing import Any
 
 from analysis.stages import peak_memory_mb
 from benchmarks.reproduction.experiment import Experiment, Finding, Request, Row, SkippedError
+from instrument.files.whole_file import write_whole
 
 RESULT, TABLE, ERROR = "result.json", "table.csv", "error.txt"
 
@@ -38,7 +39,7 @@ def run(experiment: Experiment, request: Request) -> dict[str, Any]:
         result |= {"status": "skipped", "ours": "", "verdict": "", "why": str(error)}
     # Whatever an experiment trips over, the others are run all the same.
     except Exception as error:
-        (request.folder / ERROR).write_text(traceback.format_exc(), encoding="utf-8")
+        write_whole(request.folder / ERROR, traceback.format_exc(), overwrite=True)
         result |= {"status": "failed", "ours": "", "verdict": "", "why": f"{type(error).__name__}: {error}"}
     return result | {"seconds": round(time.perf_counter() - began, 1), "peak_mb": round(peak_memory_mb())}
 
@@ -58,10 +59,11 @@ def _found(finding: Finding, folder: Path) -> dict[str, Any]:
 def _write_table(path: Path, rows: Sequence[Row]) -> None:
     if not rows:
         return
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, list(rows[0]))
+    writer.writeheader()
+    writer.writerows(rows)
+    write_whole(path, text.getvalue(), overwrite=True)
 
 
 def main(name: str, request_file: Path) -> None:
@@ -70,9 +72,8 @@ def main(name: str, request_file: Path) -> None:
     merl = None if said["merl"] is None else Path(said["merl"])
     request = Request(request_file.parent, said["quick"], said["seed"], merl)
     result = run(load(name), request) | {"request": said}
-    part = request.folder / f"{RESULT}.{os.getpid()}.part"
-    part.write_text(json.dumps(result, indent=2, default=_plain) + "\n", encoding="utf-8")
-    part.replace(request.folder / RESULT)
+    text = json.dumps(result, indent=2, default=_plain) + "\n"
+    write_whole(request.folder / RESULT, text, overwrite=True)
 
 
 def _plain(value: Any) -> Any:

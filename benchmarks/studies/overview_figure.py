@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from analysis.drawing.colours import display_colours, normal_colours
 from analysis.results.result import Result, diffuse_albedo
 from analysis.results.result_file import read_result
+from instrument.files.whole_file import written_whole
 
 
 def overview(result: Result) -> Figure:
@@ -37,4 +38,5 @@ def overview(result: Result) -> Figure:
 
 
 if __name__ == "__main__":
-    overview(read_result(Path(sys.argv[1]))).savefig(sys.argv[2], dpi=90)
+    with written_whole(Path(sys.argv[2]), overwrite=True) as picture:
+        overview(read_result(Path(sys.argv[1]))).savefig(picture, dpi=90, format="png")

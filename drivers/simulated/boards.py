@@ -7,9 +7,9 @@ from typing import NamedTuple, cast
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from drivers.simulated.compiling import njit
 from drivers.simulated.settings import BoardSettings
 
 _FINE_PX_PER_SQUARE = 480

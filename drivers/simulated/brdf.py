@@ -16,8 +16,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from drivers.simulated.compiling import njit
 
 OREN_NAYAR, MICROFACET, SHIFTED_GAMMA = 0.0, 1.0, 2.0
 ROW_LENGTH = 34

@@ -7,9 +7,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import spline_filter
+
+from drivers.simulated.compiling import njit
 
 Array = NDArray[np.float64]
 HeightFunction = Callable[[Array, Array], Array]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from drivers.simulated.compiling import njit
 from drivers.simulated.heightfield import HeightField, height_and_slope, rough_height
 
 _STEP_MM = 0.3

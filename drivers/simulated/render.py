@@ -7,11 +7,11 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from drivers.simulated.boards import board_at
 from drivers.simulated.brdf import Rgb
+from drivers.simulated.compiling import njit
 from drivers.simulated.heightfield import height_and_slope
 from drivers.simulated.rays import first_hit, in_sight
 from drivers.simulated.scene import Surface

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from drivers.simulated.boards import ink_at
 from drivers.simulated.brdf import Rgb, brdf
+from drivers.simulated.compiling import njit
 from drivers.simulated.heightfield import HeightField, height_and_slope
 from drivers.simulated.materials import BACKGROUND_ALBEDO, INK_ALBEDO, WHITE_PAPER
 from drivers.simulated.rays import in_sight

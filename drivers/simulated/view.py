@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
+from drivers.simulated.compiling import njit
 
 Vector = tuple[float, float, float]
 

@@ -11,6 +11,7 @@ import h5py
 import hdf5plugin
 
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
+from instrument.files.whole_file import NO_LOCKS
 
 # What h5py raises on a damaged file, depending on which byte is wrong.
 HDF5_ERRORS = (
@@ -87,6 +88,11 @@ def why_not_open(path: Path, error: Exception) -> str:
         return "this is a folder; name a file in it"
     if isinstance(error, PermissionError):
         return "there is no permission to read it"
+    if isinstance(error, OSError) and error.errno in NO_LOCKS:
+        return (
+            "its file system has no locks. Set the environment variable HDF5_USE_FILE_LOCKING=FALSE if no other "
+            "program writes the file, then try again"
+        )
     if not h5py.is_hdf5(path):
         return "this is not an HDF5 file"
     return f"the file is damaged or cut short: {error}"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from instrument.files.validation import InvalidInputError, Problem
+from instrument.files.whole_file import refuse_unreadable, write_whole, written_whole
 from instrument.imports.capture_text import Beside, Exported, capture_text
+from instrument.imports.prepare import CAPTURE_FILE, prepare_import
 from instrument.pictures.dng import write_dng, write_float_tiff
 from instrument.session.session import Session
 
@@ -43,19 +43,16 @@ def export_session(session: Session, folder: Path, watch: Watcher = lambda done,
     FileExistsError
         If there is something at `folder`.
     InvalidInputError
-        If no pose is complete, or a frame cannot be decoded.
+        If no pose is complete, a frame cannot be decoded, or an import would refuse the folder.
+    NotWrittenError
+        If the disk or the folder beside does not take it.
     """
-    if folder.exists():
-        raise FileExistsError(f"{folder} exists and is not overwritten; choose another name")
-    part = folder.with_name(f".{folder.name}.{os.getpid()}.part")
-    try:
+    with written_whole(folder) as part:
         part.mkdir()
         exporter = _Exporter(session, part)
         exported = exporter.write_all(watch)
-        (part / "capture.toml").write_text(capture_text(session, exported), encoding="utf-8")
-        part.rename(folder)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
+        write_whole(part / CAPTURE_FILE, capture_text(session, exported))
+        refuse_unreadable(folder, part, lambda read: prepare_import(read, read / CAPTURE_FILE))
     return exporter.n_written
 
 
@@ -121,7 +118,7 @@ class _Exporter:
             return None
         header = "count,linear" if len(curve) == 1 else "count,red,green,blue"
         lines = (",".join(map(repr, [i, *values])) for i, values in enumerate(curve.T.tolist()))
-        (self.folder / "response.csv").write_text("\n".join([header, *lines, ""]), encoding="utf-8")
+        write_whole(self.folder / "response.csv", "\n".join([header, *lines, ""]))
         return "response.csv"
 
     def _write(self, stem: str, values: NDArray[Any], exposure_time: float) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from instrument.files.validation import InvalidInputError, Problem
+from instrument.files.whole_file import written_whole
 from instrument.imports.arrangement import Frame
 from instrument.imports.header import pictures_beside, session_header
 from instrument.imports.prepare import Import
@@ -44,16 +44,12 @@ def write_import(prepared: Import, path: Path, watch: Watcher = lambda done, tot
         If the disk is too small, or writing fails.
     """
     refuse_existing(path)
-    part = path.with_name(f".{path.name}.{os.getpid()}.import")
-    try:
+    with written_whole(path) as part:
         create_session(part, session_header(prepared), _planned_bytes(prepared))
         with Recorder(part) as recorder:
             _write_poses(recorder, prepared, watch)
             _write_beside(recorder, prepared)
             recorder.close(Status.COMPLETE)
-        part.rename(path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _write_poses(recorder: Recorder, prepared: Import, watch: Watcher) -> None:

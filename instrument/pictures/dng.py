@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
+from instrument.files.whole_file import write_whole
 from instrument.session.records import CameraRecord
 
 # code, type, how many, value, whether to write it to the first page: as tifffile takes a tag.
@@ -38,29 +40,42 @@ def write_dng(
     camera : CameraRecord
     black_level : ndarray, shape (2, 2)
         Counts of darkness at each place of the cell.
+
+    Raises
+    ------
+    FileExistsError
+        If there is something at `path`.
+    NotWrittenError
+        If the disk or its folder does not take it.
     """
     tags = [*_common_tags(exposure_time, camera), *_levels(camera, black_level), *_colours(camera)]
     options: dict[str, Any] = {"extratags": tags, "metadata": None, "software": "halfangle"}
+    # In memory first: a library that writes into a full disk does not say so in one way.
+    file = io.BytesIO()
     if camera.bayer_pattern:
-        tifffile.imwrite(path, counts, photometric=CFA, **options)
+        tifffile.imwrite(file, counts, photometric=CFA, **options)
     elif counts.ndim == 3:
-        tifffile.imwrite(path, counts, photometric=LINEAR_RAW, planarconfig="contig", **options)
+        tifffile.imwrite(file, counts, photometric=LINEAR_RAW, planarconfig="contig", **options)
     else:
-        tifffile.imwrite(path, counts, photometric="minisblack", **options)
-        _declare_linear_raw(path)
+        tifffile.imwrite(file, counts, photometric="minisblack", **options)
+        _declare_linear_raw(file)
+    write_whole(path, file.getvalue())
 
 
 def write_float_tiff(path: Path, values: NDArray[np.float32], exposure_time: float, camera: CameraRecord) -> None:
     """Write values that are no integers, such as a mean of dark frames, as a TIFF of 32-bit floating-point numbers."""
     photometric = "rgb" if values.ndim == 3 else "minisblack"
     tags = [*_time(exposure_time), *_names(camera)]
-    tifffile.imwrite(path, values, photometric=photometric, extratags=tags, metadata=None, software="halfangle")
+    file = io.BytesIO()
+    tifffile.imwrite(file, values, photometric=photometric, extratags=tags, metadata=None, software="halfangle")
+    write_whole(path, file.getvalue())
 
 
-def _declare_linear_raw(path: Path) -> None:
+def _declare_linear_raw(file: io.BytesIO) -> None:
     """Say that a monochrome frame is raw: DNG allows one sample, which tifffile does not write."""
-    with tifffile.TiffFile(path, mode="r+") as file:
-        file.pages.first.tags[PHOTOMETRIC].overwrite(LINEAR_RAW)
+    file.seek(0)
+    with tifffile.TiffFile(file) as tiff:
+        tiff.pages.first.tags[PHOTOMETRIC].overwrite(LINEAR_RAW)
 
 
 def _common_tags(exposure_time: float, camera: CameraRecord) -> Iterator[Tag]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import re
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -18,22 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from instrument.files.digests import chain_digest, frame_digest
-from instrument.recording.creation import HDF5_FORMAT, check_space, release, reserve, sync
+from instrument.files.new_hdf5 import abandon, release, reserve, sync
+from instrument.files.whole_file import check_space, system_number
+from instrument.recording.creation import HDF5_FORMAT
 from instrument.session import layout
 from instrument.session.audit import event_line
 from instrument.session.layout import Field, Status
 from instrument.session.preview import fraction, preview
 from instrument.session.records import PoseRecord
-
-# Files in which a write failed. HDF5 can neither write such a file any more nor close it without a risk of crashing the
-# program, so they stay open to its end; what was complete is on the disk.
-_ABANDONED: list[h5py.File] = []
-
-
-def n_abandoned() -> int:
-    """Return how many files of this process were abandoned after a failed write: HDF5 may crash at its regular end."""
-    return len(_ABANDONED)
-
 
 # Room for HDF5's own bookkeeping and some lines of the journal, besides the pictures that are written at a time.
 _BOOKKEEPING = 2**19
@@ -165,7 +156,7 @@ class Recorder:
     def abandon(self) -> None:
         """Touch the file no more; what is complete is on the disk."""
         if self._file:
-            _ABANDONED.append(self._file)
+            abandon(self._file)
         self._file = None
 
     @contextmanager
@@ -258,8 +249,7 @@ def _whole(level: float) -> int | float:
 
 def _as_os_error(error: Exception, path: Path) -> OSError:
     """Return an error of HDF5, which hides the system's number in its text, as one of the system."""
-    hidden = re.search(r"errno = (\d+)", str(error))
-    number = int(hidden.group(1)) if hidden else getattr(error, "errno", None) or errno.EIO
+    number = system_number(error) or errno.EIO
     return OSError(number, f"{path} cannot be written: {os.strerror(number)}")
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from drivers.errors import DeviceError
+from instrument.files.whole_file import NO_LOCKS
 
 FOLDER_VARIABLE = "HALFANGLE_LOCK_FOLDER"
 """Environment variable that names another folder for the locks than the machine's temporary one."""
@@ -36,6 +37,8 @@ def hold(rig_name: str) -> Iterator[None]:
     ------
     RigBusyError
         Names the process, host and user that hold it, and since when.
+    DeviceError
+        If the folder for the locks has none, unless HDF5_USE_FILE_LOCKING=FALSE says that no other program runs.
     """
     stem = _folder() / re.sub(r"\W+", "-", rig_name)
     holder = stem.with_suffix(".json")
@@ -45,12 +48,23 @@ def hold(rig_name: str) -> Iterator[None]:
     except Timeout:
         who = _who(holder)
         raise RigBusyError(f"the rig {rig_name!r} is in use by {who}. Close it there, then try again") from None
+    except OSError as error:
+        _refuse_without_locks(error, stem.parent)
     try:
         _write(holder)
         yield
     finally:
         holder.unlink(missing_ok=True)
         lock.release()
+
+
+def _refuse_without_locks(error: OSError, folder: Path) -> None:
+    if error.errno not in NO_LOCKS:
+        raise error
+    if os.environ.get("HDF5_USE_FILE_LOCKING", "").upper() not in ("FALSE", "0"):
+        what = f"{folder}: its file system has no locks, so nothing keeps two programs from using the rig at once"
+        advice = f"Set the environment variable {FOLDER_VARIABLE} to a folder on a disk of this machine"
+        raise DeviceError(f"{what}. {advice}, or HDF5_USE_FILE_LOCKING=FALSE if no other program uses it") from error
 
 
 def _folder() -> Path:

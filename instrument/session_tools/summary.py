@@ -12,6 +12,7 @@ import numpy as np
 from instrument.files.child import ReaderEndedError, in_child
 from instrument.files.probe import UNPACKED, ended_problem, look
 from instrument.files.validation import InvalidInputError, Problem
+from instrument.files.whole_file import NO_LOCKS
 from instrument.session.layout import Status
 from instrument.session.reader import NotASessionError
 from instrument.session.records import CameraRecord
@@ -121,12 +122,18 @@ def _state(session: Session) -> str:
 
 
 def is_written(path: Path) -> bool:
-    """Return whether another process has the file open to write, for HDF5 locks it then."""
+    """Return whether another process has the file open to write, for HDF5 locks it then.
+
+    Where the file system has no locks nobody can tell; who sets HDF5_USE_FILE_LOCKING=FALSE there answers for it.
+    """
     with path.open("rb") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:
             return True
+        except OSError as error:
+            if error.errno not in NO_LOCKS:
+                raise
     return False
 
 

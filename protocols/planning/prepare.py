@@ -13,7 +13,7 @@ from drivers.limits import Limits
 from instrument.config.loading import ProtocolConfig
 from instrument.config.protocol import AutoConfig
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
-from instrument.recording.creation import InsufficientSpaceError, check_space
+from instrument.files.whole_file import InsufficientSpaceError, check_space
 from instrument.rig.rig import Rig
 from protocols.planning.earlier_darks import KeptFrames
 from protocols.planning.metering import Metered, meter
@@ -148,7 +148,7 @@ def space_problems(rig: Rig, plan: Plan, path: Path) -> Iterator[Problem]:
     try:
         check_space(path, plan.bytes(camera.height, camera.width))
     except InsufficientSpaceError as error:
-        yield Problem(str(path), str(error.strerror))
+        yield Problem(str(path.parent), str(error))
 
 
 def _size_problems(rig: Rig) -> Iterator[Problem]:

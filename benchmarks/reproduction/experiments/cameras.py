@@ -19,6 +19,7 @@ from analysis.reconstruction.reconstruction import reconstruct
 from analysis.registration.stack import Stack
 from benchmarks.common.scenes import Scene, relief
 from benchmarks.reproduction.experiment import Experiment, Finding, Request, Row, Verdict
+from instrument.files.whole_file import written_whole
 
 Array = NDArray[np.float64]
 
@@ -143,7 +144,8 @@ def _figure(scene: Scene, normals: list[Array], rows: list[Row], path: Path) -> 
     figure.colorbar(shown, ax=axes[4], shrink=0.8)
     for ax in axes:
         ax.set_axis_off()
-    figure.savefig(path, dpi=80)
+    with written_whole(path, overwrite=True) as part:
+        figure.savefig(part, dpi=80, format="png")
     return path
 
 

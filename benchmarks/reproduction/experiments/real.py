@@ -20,6 +20,7 @@ from analysis.reconstruction.reconstruction import Reconstruction, reconstruct
 from analysis.registration.registered_pictures import import_registered
 from analysis.registration.stack import Stack
 from benchmarks.reproduction.experiment import Experiment, Finding, Request, Row, SkippedError, Verdict
+from instrument.files.whole_file import written_whole
 
 Array = NDArray[np.float64]
 
@@ -99,7 +100,8 @@ def _draw(stack: Stack, found: Reconstruction, path: Path) -> None:
         ax.imshow(shown)
         ax.set_title(title, fontsize=9)
         ax.set_axis_off()
-    figure.savefig(path, dpi=80)
+    with written_whole(path, overwrite=True) as part:
+        figure.savefig(part, dpi=80, format="png")
 
 
 EXPERIMENT = Experiment(

@@ -24,6 +24,7 @@ from analysis.reflectance.atoms import Atom, published
 from benchmarks.common.methods import OTHER
 from benchmarks.common.scenes import DISTANCE_MM, Scene, material_rows, relief
 from benchmarks.reproduction.experiment import Experiment, Finding, Request, Row, Verdict
+from instrument.files.whole_file import written_whole
 
 Array = NDArray[np.float64]
 
@@ -158,7 +159,8 @@ def _maps(trial: Trial, path: Path) -> Path:
     axes[1, 3].legend(handles=handles, loc="center", frameon=False)
     for ax in axes.flat:
         ax.set_axis_off()
-    figure.savefig(path, dpi=80)
+    with written_whole(path, overwrite=True) as part:
+        figure.savefig(part, dpi=80, format="png")
     return path
 
 
@@ -183,7 +185,8 @@ def _edits(trial: Trial, path: Path) -> Path:
         ax.imshow(display_colours(radiance.reshape(*trial.reconstruction.depth.shape, 3), white))
         ax.set_title(title, fontsize=9)
         ax.set_axis_off()
-    figure.savefig(path, dpi=80)
+    with written_whole(path, overwrite=True) as part:
+        figure.savefig(part, dpi=80, format="png")
     return path
 
 

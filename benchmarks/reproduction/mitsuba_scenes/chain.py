@@ -18,6 +18,7 @@ from analysis.results.result import Result
 from analysis.results.result_file import read_result, write_result
 from benchmarks.reproduction.mitsuba_scenes.plate import AREA_MM, boards
 from benchmarks.reproduction.mitsuba_scenes.views import DISTANCE_MM, LIGHT_BY_RULER_MM, LIGHT_SIGMA_MM, Camera
+from instrument.files.whole_file import write_whole
 from instrument.imports.prepare import CAPTURE_FILE, prepare_import
 from instrument.imports.writing import write_import
 from instrument.session.records import Board
@@ -62,16 +63,13 @@ class Chain:
     def _made(self, name: str, make: Callable[[Path], None]) -> Path:
         path = self.folder / name
         if not path.exists():
-            part = path.with_name(f"part-{name}")
-            part.unlink(missing_ok=True)
-            make(part)
-            part.replace(path)
+            make(path)
         return path
 
 
 def _import(pictures: Path, path: Path, camera: Camera, n_views: int, pitch: float | None) -> None:
     capture = path.with_name(CAPTURE_FILE)
-    capture.write_text(capture_text(camera, n_views, pitch), encoding="utf-8")
+    write_whole(capture, capture_text(camera, n_views, pitch), overwrite=True)
     write_import(prepare_import(pictures, capture), path)
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from benchmarks.reproduction.mitsuba_scenes.files import SCENE_FILE
 from benchmarks.reproduction.mitsuba_scenes.render import JOB_FILE, VARIANT
+from instrument.files.whole_file import written_whole
 
 _SAMPLES_AT_ONCE = 16  # bounds the memory; passes have seeds of their own
 
@@ -34,9 +35,10 @@ def main(folder: Path) -> None:
         parameters["camera.to_world"] = mi.Transform4f(np.array(view["to_world"]))
         parameters["lamp.position"] = mi.Point3f(view["light"])
         parameters.update()
-        part = path.with_name(f"part-{path.name}")
-        mi.Bitmap(_mean(scene, job["samples"], job["seed"] + 100 * number)).write(str(part))
-        part.replace(path)
+        picture = mi.Bitmap(_mean(scene, job["samples"], job["seed"] + 100 * number))
+        with written_whole(path) as part:
+            # Mitsuba asks the name for the format unless it is told.
+            picture.write(str(part), mi.Bitmap.FileFormat.OpenEXR)
 
 
 def _mean(scene: Any, samples: int, seed: int) -> Any:

@@ -14,6 +14,7 @@ from PIL import Image
 
 from analysis.drawing.colours import display_colours, normal_colours
 from benchmarks.reproduction.mitsuba_scenes.relighting import read_linear
+from instrument.files.whole_file import write_whole
 
 Array = NDArray[np.float64]
 
@@ -27,7 +28,7 @@ def save(figure: Figure, path: Path) -> Path:
     pictures = [_drawn(figure, dpi) for dpi in _RESOLUTIONS]
     # 256 colours of its own make a third of the bytes.
     sizes = [_png(pictures[0]), *(_png(picture.quantize(256)) for picture in pictures)]
-    path.write_bytes(next((data for data in sizes if len(data) <= MAX_BYTES), sizes[-1]))
+    write_whole(path, next((data for data in sizes if len(data) <= MAX_BYTES), sizes[-1]), overwrite=True)
     return path
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 from string import Template
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,6 +15,7 @@ from benchmarks.reproduction.mitsuba_scenes.plate import HALF_PLATE_MM, print_on
 from benchmarks.reproduction.mitsuba_scenes.scenes import Scene
 from benchmarks.reproduction.mitsuba_scenes.surfaces import HALF_WIDTH_MM, Surface
 from benchmarks.reproduction.mitsuba_scenes.views import Camera
+from instrument.files.whole_file import write_whole
 
 Array = NDArray[np.float64]
 
@@ -82,9 +84,9 @@ def write_scene(folder: Path, scene: Scene, rendering: Rendering) -> None:
     textures = _write_textures(folder, scene)
     write_ply(folder / "plate.ply", *_plate())
     write_ply(folder / "relief.ply", *relief_mesh(scene.surface, rendering.mesh_pitch_mm))
-    cv2.imwrite(str(folder / "plate.png"), print_on_plate())
+    _write_png(folder / "plate.png", print_on_plate())
     text = scene_text(rendering, scene.materials.format(**textures))
-    (folder / SCENE_FILE).write_text(text, encoding="utf-8")
+    write_whole(folder / SCENE_FILE, text, overwrite=True)
 
 
 def scene_text(rendering: Rendering, materials: str) -> str:
@@ -129,10 +131,12 @@ def write_ply(path: Path, vertices: Array, normals: Array, uv: Array, faces: NDA
     header += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header", ""]
     triangles = np.empty(len(faces), [("n", "u1"), ("corners", "<i4", 3)])
     triangles["n"], triangles["corners"] = 3, faces
-    with path.open("wb") as file:
-        file.write("\n".join(header).encode())
-        file.write(np.hstack([vertices, normals, uv]).astype("<f4").tobytes())
-        file.write(triangles.tobytes())
+    content = np.hstack([vertices, normals, uv]).astype("<f4").tobytes() + triangles.tobytes()
+    write_whole(path, "\n".join(header).encode() + content, overwrite=True)
+
+
+def _write_png(path: Path, counts: NDArray[np.integer[Any]]) -> None:
+    write_whole(path, cv2.imencode(".png", counts)[1].tobytes(), overwrite=True)
 
 
 def _write_textures(folder: Path, scene: Scene) -> dict[str, str]:
@@ -142,7 +146,7 @@ def _write_textures(folder: Path, scene: Scene) -> dict[str, str]:
     elements = {}
     for name, values in scene.textures(x, y).items():
         counts = np.rint(np.clip(values, 0.0, 1.0) * 65535.0).astype(np.uint16)
-        cv2.imwrite(str(folder / f"{name}.png"), counts[..., ::-1] if counts.ndim == 3 else counts)
+        _write_png(folder / f"{name}.png", counts[..., ::-1] if counts.ndim == 3 else counts)
         # blendbsdf names its texture "weight" whatever it means.
         parameter = name if name in ("base_color", "roughness") else "weight"
         elements[name] = (

@@ -14,6 +14,7 @@ from benchmarks.reproduction.experiment import SkippedError
 from benchmarks.reproduction.mitsuba_scenes.files import Rendering, write_scene
 from benchmarks.reproduction.mitsuba_scenes.scenes import Scene
 from benchmarks.reproduction.mitsuba_scenes.views import Placement
+from instrument.files.whole_file import write_whole
 
 JOB_FILE, LOG_FILE = "job.json", "render.log"
 
@@ -80,7 +81,7 @@ def render(folder: Path, scene: Scene, rendering: Rendering, views: Sequence[Pla
     if what := missing():
         raise SkippedError(what)
     write_scene(folder, scene, rendering)
-    (folder / JOB_FILE).write_text(job, encoding="utf-8")
+    write_whole(folder / JOB_FILE, job, overwrite=True)
     _run(folder)
     return files
 
