@@ -150,7 +150,8 @@ class ZaberDouble:
             case ["get", name]:
                 return self._setting(address, axes, name)
             case ["stop"]:
-                self.waits_after = inf
+                if any(axis.is_busy(now) for axis in axes):
+                    self.waits_after = inf
                 for axis in axes:
                     axis.stop(now)
             case ["home"]:
