@@ -35,8 +35,7 @@ faults: setup ## every fault that a capture must survive; writes docs/faults.md 
 soak: export QT_QPA_PLATFORM = offscreen
 soak: setup ## the longer campaigns
 	@# Exit code 5: no such test is collected, which is no failure here.
-	@# Longer than the tests of every day may take, and two at a time.
-	$(BIN)/pytest -q $(TWO) --timeout 900 -m "slow and not alone" $(NO_GUI) || [ $$? -eq 5 ]
+	$(BIN)/pytest -q $(TWO) -m "slow and not alone" $(NO_GUI) || [ $$? -eq 5 ]
 	$(BIN)/pytest -q -m alone $(NO_GUI) || [ $$? -eq 5 ]
 
 screenshots: setup ## pictures of every tab of the console, light and dark, into docs/images/console

@@ -25,6 +25,7 @@ QUERY, HOLD, RESUME, JOG_CANCEL, RESET = b"?", b"!", b"~", b"\x85", b"\x18"
 _QUERY_PERIOD = 0.2
 _ANSWER_LIMIT = 2.0
 _LONGEST_LINE = 256  # bytes; what is longer has lost its end
+_FEWEST_REPORTS = 3
 _MOST_READS = 100  # at once, of a port that babbles
 _RESET_PERIOD = 1.0  # seconds; a board that the opening of its port restarts hears nothing for a second or two
 
@@ -47,6 +48,7 @@ class GrblLink:
         self._port = port
         self._clock = clock
         self._rest = b""
+        self._looked = clock.now()
         self._arrived: deque[str] = deque()
         self._garbage: list[str] = []
         self._offset: tuple[float, ...] | None = None
@@ -103,7 +105,7 @@ class GrblLink:
                 if reply.startswith("<Hold"):
                     deadline = self._clock.now() + limit
             _raise_if_set(stopped)
-            if self._clock.now() > deadline:
+            if self._is_over(deadline):
                 raise self._silence(f"did not answer {line!r} within {limit:g} s")
         raise AssertionError("unreachable: the port yields lines for ever")
 
@@ -121,7 +123,7 @@ class GrblLink:
             report = parse_report(reply)
             if report is not None and self._n_numbers in {None, len(report.position)}:
                 return report
-            if self._clock.now() > deadline:
+            if self._is_over(deadline):
                 raise self._silence(f"sent no status report within {seconds:g} s")
         raise AssertionError("unreachable: the port yields lines for ever")
 
@@ -143,9 +145,10 @@ class GrblLink:
             If no two agree in time.
         """
         self.ask("")
-        deadline, before = self._clock.now() + _ANSWER_LIMIT, None
-        while self._clock.now() < deadline:
-            report = self.report()
+        deadline, before, n_reports = self._clock.now() + _ANSWER_LIMIT, None, 0
+        # However long the computer was busy, one report may be spoiled.
+        while self._clock.now() < deadline or n_reports < _FEWEST_REPORTS:
+            report, n_reports = self.report(), n_reports + 1
             position = machine_position(report, self._offset)
             now = (report.state, position)
             if now == before and position is not None and report.rests:
@@ -174,9 +177,9 @@ class GrblLink:
         for reply in self._lines():
             if _ANY_BANNER.fullmatch(reply):
                 return self._greeted(reply)
-            if (now := self._clock.now()) > began + seconds:
+            if self._is_over(began + seconds):
                 raise self._no_greeting(seconds)
-            if now > again:
+            if (now := self._clock.now()) > again:
                 # The line end, which the reset makes GRBL forget, lets another device say that it understands nothing.
                 self.send(b"\n" + RESET)
                 again = now + _RESET_PERIOD
@@ -200,7 +203,15 @@ class GrblLink:
                 self.send(QUERY)
                 asked = self._clock.now()
 
+    def _is_over(self, deadline: float) -> bool:
+        """Whether the port was looked at after `deadline`, and nothing of what had arrived is left.
+
+        A computer that was busy for so long finds the answer waiting; it came in time.
+        """
+        return self._looked > deadline and not self._arrived
+
     def _receive(self) -> None:
+        self._looked = self._clock.now()
         *lines, rest = (self._rest + self._port.read()).split(b"\n")
         self._rest = rest[-_LONGEST_LINE:]
         for raw in lines:

@@ -59,9 +59,11 @@ class LineDialogue:
         deadline = time.monotonic() + self._answer_time
         received = b""
         while not received.endswith(b"\n"):
-            if time.monotonic() > deadline:
+            # Looked at once more when its time is over: what a busy computer finds waiting came in time.
+            late, arrived = time.monotonic() > deadline, self._port.read()
+            received += arrived
+            if late and not arrived:
                 raise DeviceTimeoutError(self._silence(question, received))
-            received += self._port.read()
             if len(received) > _LONGEST_LINE:
                 raise DeviceError(f"{self._port.name} answers {question!r} with a line that does not end")
         return received.decode("ascii", errors="replace").strip()

@@ -111,10 +111,13 @@ def _check_present(link: ZaberLink, settings: ZaberSettings) -> None:
             f"nothing at {settings.port} answers as a Zaber device does at {settings.baud_rate} baud. Look at the "
             "power and the cables, whether port names another device, and at baud_rate"
         )
-    raise DeviceError(
-        f"no device {', '.join(map(str, absent))} in the chain at {settings.port}; found: "
-        f"{', '.join(map(str, present))}. Correct device_address, or look at the power and the cables of the chain."
-    )
+    # One that was late is there all the same.
+    absent = [address for address in absent if address not in present]
+    if absent:
+        raise DeviceError(
+            f"no device {', '.join(map(str, absent))} in the chain at {settings.port}; found: "
+            f"{', '.join(map(str, present))}. Correct device_address, or look at the power and the cables of the chain."
+        )
 
 
 def _answers(link: ZaberLink, address: int) -> bool:

@@ -16,7 +16,8 @@ from drivers.errors import DeviceError, DeviceLostError, DeviceTimeoutError, Dri
 from drivers.serial_port import SerialPort
 from drivers.zaber.flags import NONE
 
-_ANSWER_LIMIT_MS = 500
+# A device answers within some milliseconds; a busy computer may take longer to hear it.
+_ANSWER_LIMIT_MS = 2000
 _MISSING = 'a Zaber stage needs zaber-motion. Install it: pip install "halfangle[zaber]"'
 
 
@@ -65,7 +66,6 @@ class ZaberLink:
         # Opened and closed again by pyserial first: it tells why a port cannot be opened, and who has it locked.
         SerialPort(port, baud_rate, 0.0).close()
         self._connection = self._opened(port, baud_rate)
-        self._connection.default_request_timeout = _ANSWER_LIMIT_MS
 
     def ask(self, command: str, address: int, axis_number: int = 0) -> Reply:
         """Send a command to an axis, or with 0 to the whole device, and return the answer.
@@ -80,7 +80,7 @@ class ZaberLink:
             If the device refuses the command.
         """
         with self._explained(f"device {address} to {command!r}" if command else f"device {address}"):
-            reply = self._connection.generic_command(command, address, axis_number)
+            reply = self._connection.generic_command(command, address, axis_number, timeout=_ANSWER_LIMIT_MS)
         return Reply(str(reply.data), str(reply.status) == "IDLE", str(reply.warning_flag))
 
     def number(self, setting: str, address: int, axis_number: int) -> float:
@@ -100,7 +100,7 @@ class ZaberLink:
     def addresses(self) -> tuple[int, ...]:
         """Return the addresses of the devices that answer, none if there is none."""
         with suppress(DeviceTimeoutError), self._explained():
-            replies = self._connection.generic_command_multi_response("get deviceid")
+            replies = self._connection.generic_command_multi_response("get deviceid", timeout=_ANSWER_LIMIT_MS)
             return tuple(int(reply.device_address) for reply in replies)
         return ()
 

@@ -19,7 +19,7 @@ class TestGrblStage(StageContract):
 
     @pytest.fixture
     def stage(self, double: GrblDouble) -> Stage:
-        return GrblStage(settings_of(double))
+        return GrblStage(settings_of(double), double.clock)
 
     @pytest.fixture
     def now(self, double: GrblDouble) -> Callable[[], float]:

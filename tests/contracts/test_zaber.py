@@ -20,7 +20,7 @@ class TestZaberStage(StageContract):
 
     @pytest.fixture
     def stage(self, double: ZaberDouble) -> Stage:
-        return ZaberStage(settings_of(double))
+        return ZaberStage(settings_of(double), double.clock)
 
     @pytest.fixture
     def now(self, double: ZaberDouble) -> Callable[[], float]:

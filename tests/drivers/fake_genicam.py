@@ -25,6 +25,7 @@ from drivers.errors import DriverNotFoundError
 from drivers.genicam.aravis import library
 from drivers.genicam.camera import GenicamCamera
 from drivers.genicam.settings import GenicamSettings
+from tests.drivers.double_clock import HANG
 
 ADDRESS = "127.0.0.1"
 SERIAL_NUMBER = f"T{os.getpid()}"
@@ -33,7 +34,7 @@ WIDTH, HEIGHT = 96, 64
 _PROGRAM = "arv-fake-gv-camera-0.8"
 _PORT = 3956
 _LOCK = Path(tempfile.gettempdir()) / "halfangle-fake-genicam.lock"
-_MAX_WAIT = 200.0
+_MAX_WAIT = 1500.0  # seconds, of which another run takes some minutes
 _DISCOVERY = struct.pack(">BBHHH", 0x42, 0x11, 0x0002, 0, 1)
 _CONTROL, _HEARTBEAT = 0x0A00, 0x0938
 
@@ -92,7 +93,7 @@ class FakeGenicam:
         self._process = subprocess.Popen(
             [*die_with_parent, *self._command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
-        deadline = time.monotonic() + 5.0
+        deadline = time.monotonic() + HANG
         while SERIAL_NUMBER.encode() not in _reply(_DISCOVERY):
             if time.monotonic() > deadline or self._process.poll() is not None:
                 self.kill()
@@ -115,7 +116,7 @@ class SecondClient:
 
     def __init__(self, heartbeat_ms: int = 3000) -> None:
         self._channel = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._channel.settimeout(1.0)
+        self._channel.settimeout(HANG)
         self._channel.connect((ADDRESS, _PORT))
         self._write(_CONTROL, 2)
         self._write(_HEARTBEAT, heartbeat_ms)

@@ -14,11 +14,13 @@ import time
 import tty
 from collections import deque
 from contextlib import suppress
+from math import inf
 
+from tests.drivers.double_clock import DoubleClock
 from tests.drivers.grbl_machine import GrblMachine
 
 _TICK = 0.002  # seconds
-_MAX_TICK = 0.02  # seconds that count at most: a busy computer slows the machine down with everything else
+_MAX_STEP = 0.005  # seconds of the machine
 _SETTINGS = {
     0: 10,
     1: 25,
@@ -81,7 +83,9 @@ class GrblDouble:
         self.banner = "Grbl 1.1h ['$' for help]"
         self.build = ["[VER:1.1h.20190830:bench 7]", "[OPT:V,15,128]"]
         self.offset = [0.0, 0.0, 0.0]  # WCO
-        self.time = 0.0  # seconds of the machine
+        self.clock = DoubleClock()  # for the driver: a busy computer slows it down with the machine
+        self.time = 0.0  # seconds of the machine in which it had something to do: nobody's delay counts
+        self.waits_after = inf  # seconds of motion or homing after which time stands still until it is told something
         self.received: list[str] = []  # lines, and the characters that act at once
         # Faults of the wire.
         self.silent = False
@@ -96,6 +100,8 @@ class GrblDouble:
         self.pace = pace
         self._blocked = ""  # "", "dwell", "home", "critical"
         self._until = 0.0
+        self._in_motion = 0.0  # seconds since `waits_after` was heeded last
+        self._n_taken = self._n_sent = 0  # bytes
         self._modes = {"motion": "G0", "distance": "G90", "units": "G21"}
         self._feed = 0.0
         self._line = b""
@@ -123,6 +129,7 @@ class GrblDouble:
         if not self._ended.is_set():
             self._ended.set()
             self._thread.join()
+            self.clock.end()
             os.close(self._master)
             os.close(self._slave)
 
@@ -159,23 +166,43 @@ class GrblDouble:
         with self._guard:
             return self.machine.moving
 
+    def waits(self) -> bool:
+        """Whether it is on its way and waits there to be told something; see `waits_after`."""
+        with self._guard:
+            return self._is_on_its_way() and self._in_motion >= self.waits_after
+
+    def go_on(self) -> None:
+        """Wait no longer."""
+        with self._guard:
+            self.waits_after, self._in_motion = inf, 0.0
+
+    def exchanged(self) -> tuple[int, int]:
+        """Return how many bytes it has taken and acted on, and how many it has sent."""
+        with self._guard:
+            return self._n_taken, self._n_sent
+
     # Its life.
 
     def _live(self) -> None:
-        before = time.monotonic()
         while not self._ended.is_set():
             ready, _, _ = select.select([self._master], [], [], _TICK)
             with self._guard:
-                now = time.monotonic()
-                self._pass_time(min(now - before, _MAX_TICK) * self.pace)
-                before = now
+                left = self.clock.tick() * self.pace
+                while left > 0.0:
+                    self._pass_time(min(left, _MAX_STEP))
+                    left -= _MAX_STEP
                 if ready:
                     with suppress(OSError):
                         self._take(os.read(self._master, 4096))
                 self._execute_lines()
 
     def _pass_time(self, seconds: float) -> None:
-        self.time += seconds
+        if self._is_on_its_way():
+            if self._in_motion >= self.waits_after:
+                return
+            self._in_motion += seconds
+        if self.machine.queue or self._blocked in {"dwell", "home"}:
+            self.time += seconds
         self.machine.pass_time(seconds)
         resting = not self.machine.queue
         if self._blocked != "dwell" or resting:
@@ -196,11 +223,14 @@ class GrblDouble:
         if self._blocked == "home" and self._until <= 0.0:
             self._end_homing()
 
+    def _is_on_its_way(self) -> bool:
+        return self.machine.moving or self._blocked == "home"
+
     def _take(self, received: bytes) -> None:
+        self._n_taken += len(received)
         for byte in received:
             kept, self._kept = self._kept, b""
-            if kept:
-                os.write(self._master, kept)
+            self._send(kept)
             character = bytes([byte])
             if character in _REALTIME:
                 self.received.append(repr(character)[2:-1])
@@ -216,12 +246,14 @@ class GrblDouble:
                 self._line += character.upper()
 
     def _act(self, character: bytes) -> None:
+        if self._blocked in {"home", "critical"} and character != b"\x18":
+            return  # deaf to all but a reset
+        if character == b"?":
+            self._report()
+            return
+        self.go_on()
         if character == b"\x18":
             self._reset()
-        elif self._blocked in {"home", "critical"}:
-            return  # deaf to all but a reset
-        elif character == b"?":
-            self._report()
         elif character == b"!" or (character == b"\x85" and self.state == "Jog"):
             self._hold()
         elif character == b"~" and self.state == "Hold:0":
@@ -444,8 +476,13 @@ class GrblDouble:
         time.sleep(self.delay)
         if self.holds_back:
             self._kept, raw = raw, self._kept
-        if raw:
-            os.write(self._master, raw)
+        self._send(raw)
+
+    def _send(self, raw: bytes) -> None:
+        while raw:
+            n_bytes = os.write(self._master, raw)
+            self._n_sent += n_bytes
+            raw = raw[n_bytes:]
 
 
 def _inches(modes: dict[str, str]) -> float:

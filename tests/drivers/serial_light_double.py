@@ -4,9 +4,10 @@ import os
 import pty
 import re
 import select
-import time
 import tty
-from threading import Thread
+from threading import Event, Thread
+
+from tests.drivers.double_clock import HANG
 
 
 class SerialLightDouble:
@@ -20,8 +21,9 @@ class SerialLightDouble:
         self.lit, self.level = True, 10.0
         self.n_switched_on = 0
         self.mute = self.sticks_on = False
-        # Its answers take this many seconds longer.
-        self.delay = 0.0
+        # It obeys and answers only while this is set.
+        self.may_answer = Event()
+        self.may_answer.set()
         # Question -> what it says instead, as bytes, line end included.
         self.instead: dict[str, bytes] = {}
         # Numbers of the questions that it obeys, but does not answer.
@@ -55,7 +57,7 @@ class SerialLightDouble:
 
     def _reply(self, line: str) -> None:
         self.heard.append(line)
-        time.sleep(self.delay)
+        assert self.may_answer.wait(HANG)
         answer = self._obey(line)
         if not self.mute and len(self.heard) - 1 not in self.silent:
             os.write(self._controller, self.instead.get(line, answer.encode() + b"\r\n"))

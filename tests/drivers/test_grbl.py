@@ -1,15 +1,14 @@
 import errno
 import os
-import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from threading import Event, Timer
+from threading import Event
 
 import pytest
 import serial
+from instrument.bounded import BoundedStage
 
-from drivers.clock import RealClock
 from drivers.errors import (
     CancelledError,
     DeviceError,
@@ -19,7 +18,7 @@ from drivers.errors import (
     UnsafeError,
 )
 from drivers.grbl.stage import GrblStage
-from instrument.rig.bounded import BoundedStage
+from tests.drivers.double_clock import HANG, HastyClock, until
 from tests.drivers.grbl_double import GrblDouble
 from tests.drivers.grbl_stages import TILT, TURN, settings_of
 
@@ -34,7 +33,7 @@ def double() -> Iterator[GrblDouble]:
 
 @pytest.fixture
 def stage(double: GrblDouble) -> Iterator[GrblStage]:
-    stage = GrblStage(settings_of(double))
+    stage = GrblStage(settings_of(double), double.clock)
     stage.connect()
     yield stage
     stage.disconnect()
@@ -42,15 +41,17 @@ def stage(double: GrblDouble) -> Iterator[GrblStage]:
 
 @pytest.fixture
 def slow() -> Iterator[GrblDouble]:
-    """A controller that a test can interfere with while it moves."""
+    """A controller that a test can interfere with while it moves: on its way it waits for that."""
     with GrblDouble(pace=2.0) as double:
+        double.waits_after = 0.3
         yield double
 
 
 @pytest.fixture
 def slow_stage(slow: GrblDouble) -> Iterator[GrblStage]:
-    stage = GrblStage(settings_of(slow))
+    stage = GrblStage(settings_of(slow), slow.clock)
     stage.connect()
+    slow.waits_after = 0.3
     yield stage
     stage.disconnect()
 
@@ -63,22 +64,12 @@ def begin() -> Iterator[ThreadPoolExecutor]:
 
 def moving(executor: ThreadPoolExecutor, stage: GrblStage, double: GrblDouble) -> Future[dict[str, float]]:
     move = executor.submit(stage.move, LONG)
-    until(double.moves)
+    until(double.waits)
     return move
 
 
-def until(holds) -> None:
-    end = time.monotonic() + 3.0
-    while not holds():
-        assert time.monotonic() < end, "it did not come to that"
-        time.sleep(0.002)
-
-
-class HastyClock(RealClock):
-    """Seconds that pass five times as fast, so that a limit is soon over."""
-
-    def now(self) -> float:
-        return 5.0 * super().now()
+def hasty(double: GrblDouble) -> HastyClock:
+    return HastyClock(double.clock, 5.0)
 
 
 def is_free(port: str) -> bool:
@@ -94,7 +85,7 @@ class TestConnecting:
 
     def test_a_port_that_is_not_there_is_named_with_those_that_are(self, double: GrblDouble):
         with pytest.raises(DeviceError, match=r"cannot open /dev/none. There is no such port.*Ports here: "):
-            GrblStage(settings_of(double, port="/dev/none")).connect()
+            GrblStage(settings_of(double, port="/dev/none"), double.clock).connect()
 
     @pytest.mark.parametrize(
         ("number", "mend"), [(errno.EACCES, "usermod -aG dialout"), (errno.EBUSY, r"uses the port \(process \d+")]
@@ -105,55 +96,57 @@ class TestConnecting:
 
         monkeypatch.setattr("serial.serialposix.os.open", refuse)
         with pytest.raises(DeviceError, match=mend):
-            GrblStage(settings_of(double)).connect()
+            GrblStage(settings_of(double), double.clock).connect()
 
     def test_a_port_that_another_program_uses_is_left_to_it(self, double: GrblDouble):
         with (
             serial.Serial(double.port, exclusive=True),
             pytest.raises(DeviceError, match="Another program uses the port"),
         ):
-            GrblStage(settings_of(double)).connect()
+            GrblStage(settings_of(double), double.clock).connect()
 
     def test_a_file_is_no_port(self, double: GrblDouble, tmp_path: Path):
         path = tmp_path / "port"
         path.touch()
         with pytest.raises(DeviceError, match="That is no serial port"):
-            GrblStage(settings_of(double, port=str(path))).connect()
+            GrblStage(settings_of(double, port=str(path)), double.clock).connect()
 
     @pytest.mark.parametrize("banner", ["Marlin 2.1.2", "Grbl 0.9j ['$' for help]"])
     def test_another_device_on_the_port_is_told_by_what_it_says(self, double: GrblDouble, banner: str):
         double.banner = banner
         with pytest.raises(DeviceError, match=r"is no GRBL 1\.1") as caught:
-            GrblStage(settings_of(double), HastyClock()).connect()
+            GrblStage(settings_of(double), hasty(double)).connect()
         assert banner in str(caught.value)
         assert is_free(double.port)
 
     def test_silence_is_not_waited_out_for_ever(self, double: GrblDouble):
         double.silent = True
         with pytest.raises(DeviceTimeoutError, match=r"nothing answered at .* within 6 s"):
-            GrblStage(settings_of(double), HastyClock()).connect()
+            GrblStage(settings_of(double), hasty(double)).connect()
         assert is_free(double.port)
 
     def test_settings_that_do_not_fit_are_said_at_once_and_nothing_is_set(self):
         wrong = {13: 1, 22: 0, 110: 0.0, 131: 120.0}
         with GrblDouble(settings=wrong) as double, pytest.raises(DeviceError) as caught:
-            GrblStage(settings_of(double)).connect()
+            GrblStage(settings_of(double), double.clock).connect()
         for part in ("set $13=0", "$22=1", "axis turn: $110 must be above 0", "axis tilt: soft_limits are -165 to -35"):
             assert part in str(caught.value)
         assert not [line for line in double.received if "=" in line]
 
     def test_an_axis_that_the_firmware_does_not_have_is_named(self, double: GrblDouble):
         with pytest.raises(DeviceError, match=r"no axis A .*correct the letter of axis tilt"):
-            GrblStage(settings_of(double, axes=(TILT.model_copy(update={"letter": "A"}), TURN))).connect()
+            GrblStage(settings_of(double, axes=(TILT.model_copy(update={"letter": "A"}), TURN)), double.clock).connect()
 
     def test_a_tolerance_finer_than_a_step_is_refused(self, double: GrblDouble):
         with pytest.raises(DeviceError, match=r"axis tilt: tolerance 0.001 is finer than a step; allowed from 0.0055"):
-            GrblStage(settings_of(double, axes=(TILT.model_copy(update={"tolerance": 0.001}), TURN))).connect()
+            GrblStage(
+                settings_of(double, axes=(TILT.model_copy(update={"tolerance": 0.001}), TURN)), double.clock
+            ).connect()
 
     def test_a_stage_that_moves_is_brought_to_rest_and_keeps_its_position(self, slow: GrblDouble):
         slow.jog("X-180F2400")
-        until(slow.moves)
-        stage = GrblStage(settings_of(slow))
+        until(slow.waits)
+        stage = GrblStage(settings_of(slow), slow.clock)
         stage.connect()
         assert not slow.moves()
         assert -160.0 < stage.read()["turn"] < 0.0
@@ -189,7 +182,7 @@ class TestLocked:
     def test_nothing_unlocks_it_but_the_operator(self):
         with GrblDouble(settings={20: 0, 22: 0}) as double:
             double.state = "Alarm"
-            stage = GrblStage(settings_of(double, homing=False))
+            stage = GrblStage(settings_of(double, homing=False), double.clock)
             stage.connect()
             for act in (stage.home, stage.read, lambda: stage.move({"tilt": 1.0}), stage.stop, stage.connect):
                 try:
@@ -203,7 +196,7 @@ class TestLocked:
 
 def test_without_limit_switches_homing_goes_back_to_where_it_was_switched_on():
     with GrblDouble(settings={20: 0, 22: 0}) as double:
-        stage = GrblStage(settings_of(double, homing=False))
+        stage = GrblStage(settings_of(double, homing=False), double.clock)
         stage.connect()
         stage.move({"tilt": 20.0})
         stage.home()
@@ -231,7 +224,7 @@ class TestMoving:
     def test_work_positions_are_turned_into_those_of_the_machine(self):
         with GrblDouble(settings={10: 0}) as double:
             double.offset = [7.0, 8.0, 9.0]
-            stage = GrblStage(settings_of(double))
+            stage = GrblStage(settings_of(double), double.clock)
             stage.connect()
             assert stage.move({"tilt": 30.0}) == {"tilt": 30.0, "turn": 0.0}
             stage.disconnect()
@@ -261,13 +254,13 @@ class TestMoving:
 class TestInterfering:
     def test_a_stop_halts_at_once_and_the_position_is_known(self, slow_stage, slow, begin):
         move = moving(begin, slow_stage, slow)
-        time.sleep(0.15)
-        began = time.monotonic()
+        began, speed = slow.machine.position[0], slow.machine.speed
         slow_stage.stop()
-        assert time.monotonic() - began < 1.0
         assert not slow.moves()
         with pytest.raises(DeviceError, match="was stopped"):
-            move.result(1.0)
+            move.result(HANG)
+        # From where it was told, no further than braking takes.
+        assert 0.0 < slow.machine.position[0] - began <= speed**2 / (2.0 * slow.settings[120]) + 0.05
         here = slow_stage.read()
         assert here["turn"] == pytest.approx((slow.machine.position[0] + 100.0) / 0.5, abs=0.002)
         assert 0.0 < here["turn"] < LONG["turn"]
@@ -275,43 +268,46 @@ class TestInterfering:
 
     def test_a_stop_while_homing_locks_the_stage_until_it_is_homed(self, slow_stage, slow, begin):
         homing = begin.submit(slow_stage.home)
-        until(lambda: slow.state == "Home")
+        until(slow.waits)
+        assert slow.state == "Home"
         heard = len(slow.received)
         slow_stage.stop()
         assert "\\x18" in slow.received[heard : heard + 2]  # a hold would not be heeded
         with pytest.raises(DeviceError, match=r"ALARM:6|was stopped"):
-            homing.result(1.0)
+            homing.result(HANG)
         assert slow.state == "Alarm"
         with pytest.raises(DeviceError, match="Home the stage"):
             slow_stage.read()
 
     def test_a_stop_ends_the_jog_of_a_pendant(self, slow_stage, slow):
         slow.jog("X-180F2400")
-        until(slow.moves)
+        until(slow.waits)
         slow_stage.stop()
         assert not slow.moves()
         assert slow_stage.read()["turn"] < 0.0
 
     def test_a_hold_lets_a_move_rest_until_it_is_resumed_and_costs_no_time_limit(self, begin):
         with GrblDouble(pace=10.0) as double:
-            stage = GrblStage(settings_of(double), HastyClock())
+            clock = hasty(double)
+            stage = GrblStage(settings_of(double), clock)
             stage.connect()
             limit = 1.5 * stage.move_duration(LONG) + 2.0
+            double.waits_after = 0.3
             move = moving(begin, stage, double)
             stage.hold()
             until(lambda: double.state == "Hold:0")
-            time.sleep(1.1 * limit / 5.0)
+            clock.sleep(1.1 * limit)
             assert not move.done()
             assert not double.moves()
             stage.resume()
-            assert move.result(5.0)["turn"] == pytest.approx(LONG["turn"], abs=0.05)
+            assert move.result(HANG)["turn"] == pytest.approx(LONG["turn"], abs=0.05)
             stage.disconnect()
 
     def test_a_hard_limit_ends_a_move_by_name_and_is_not_tried_again(self, slow_stage, slow, begin):
         move = moving(begin, slow_stage, slow)
         slow.press_limit_switch()
         with pytest.raises(UnsafeError, match="ALARM:1, hard limit"):
-            move.result(3.0)
+            move.result(HANG)
         with pytest.raises(DeviceError, match="its position is unknown"):
             slow_stage.read()
 
@@ -320,19 +316,19 @@ class TestInterfering:
         with slow._guard:
             slow._reset()
         with pytest.raises(DeviceError, match="ALARM:3, reset while moving"):
-            move.result(3.0)
+            move.result(HANG)
 
     def test_an_open_door_ends_a_move(self, slow_stage, slow, begin):
         move = moving(begin, slow_stage, slow)
         slow.open_door()
         with pytest.raises(UnsafeError, match="Close the door"):
-            move.result(3.0)
+            move.result(HANG)
 
     def test_a_controller_that_restarts_by_itself_is_found_out(self, slow_stage, slow, begin):
         move = moving(begin, slow_stage, slow)
         slow.power_cycle()
         with pytest.raises(DeviceError, match="restarted by itself"):
-            move.result(3.0)
+            move.result(HANG)
         slow.pace = 50.0
         slow_stage.home()
         assert slow_stage.read() == {"tilt": 0.0, "turn": 0.0}
@@ -340,18 +336,21 @@ class TestInterfering:
     def test_a_port_that_goes_during_a_move_is_lost_at_once(self, slow_stage, slow, begin):
         move = moving(begin, slow_stage, slow)
         slow.unplug()
+        # At once: the clock stands still, so that no limit would end it.
         with pytest.raises(DeviceLostError, match="is gone"):
-            move.result(1.0)
+            move.result(HANG)
         with pytest.raises(DeviceError, match="not connected"):
             slow_stage.read()
 
 
-def test_a_move_that_is_called_off_is_halted_by_the_stop_that_follows(slow_stage: GrblStage, slow: GrblDouble):
+def test_a_move_that_is_called_off_is_halted_by_the_stop_that_follows(slow_stage: GrblStage, slow: GrblDouble, begin):
     cancel = Event()
     bounded = BoundedStage(slow_stage, cancel, lambda *_, **__: None)
-    Timer(0.2, cancel.set).start()
+    move = begin.submit(bounded.move, LONG)
+    until(slow.waits)
+    cancel.set()
     with pytest.raises(CancelledError):
-        bounded.move(LONG)
+        move.result(HANG)
     bounded.stop()
     assert not slow.moves()
     cancel.clear()
@@ -364,7 +363,7 @@ def test_a_move_that_is_called_off_is_halted_by_the_stop_that_follows(slow_stage
     "raw", [b"", b"\xff\x00", b"<Idle|MPos:-1", b"<Idle|MPos:-1.000,-100.000,0.000|FS:0,0>\r\n", b"o"]
 )
 def test_any_line_may_be_spoiled_and_no_position_is_wrong(double: GrblDouble, n_lines: int, raw: bytes):
-    stage = GrblStage(settings_of(double), HastyClock())
+    stage = GrblStage(settings_of(double), hasty(double))
     stage.connect()
     double.spoiled_at = (n_lines, raw)
     try:
@@ -380,7 +379,7 @@ def test_a_stage_that_was_lost_is_connected_again(tmp_path: Path):
     port = tmp_path / "stage"
     with GrblDouble() as double:
         port.symlink_to(double.port)
-        stage = GrblStage(settings_of(double, port=str(port)))
+        stage = GrblStage(settings_of(double, port=str(port)), double.clock)
         stage.connect()
         double.unplug()
         with pytest.raises(DeviceLostError):
@@ -398,7 +397,7 @@ def test_a_stage_that_was_lost_is_connected_again(tmp_path: Path):
 class TestBadWire:
     @pytest.fixture
     def stage(self, double: GrblDouble) -> Iterator[GrblStage]:
-        stage = GrblStage(settings_of(double), HastyClock())
+        stage = GrblStage(settings_of(double), hasty(double))
         stage.connect()
         yield stage
         stage.disconnect()
@@ -422,7 +421,8 @@ class TestBadWire:
     def test_garbage_that_nobody_asked_for_does_no_harm(self, stage, double):
         for garbage in (b"\xfe\xff", b"ok\r\nok\r\n", b"<Idle|MPos:1.000,1.000,1.000|FS:0,0>\r\n", b"err"):
             double.say(garbage)
-            time.sleep(0.02)  # it has arrived before anything is asked
+            # It has arrived before anything is asked.
+            until(lambda sent=garbage: stage._controller._port._serial.in_waiting == len(sent))
             assert stage.read() == {"tilt": 0.0, "turn": 0.0}
 
     def test_an_answer_that_gets_lost_is_missed_and_the_next_call_is_in_step(self, stage, double):

@@ -31,6 +31,7 @@ from drivers.oak.settings import OakSettings
 from drivers.settings import settings_from_table
 from instrument.rig.bounded import BoundedCamera
 from tests.drivers.device_page import toml_of_page
+from tests.drivers.double_clock import HANG
 from tests.drivers.oak_double import HEIGHT, SDK, WIDTH, OakDouble, packed, scene, settings_of
 
 COMMANDS = SDK.CameraControl.Command
@@ -338,8 +339,8 @@ class TestFrames:
             frames(camera, 20)
 
     def test_a_frame_that_comes_again_is_not_another_one(self, camera: OakCamera, double: OakDouble, monkeypatch):
-        monkeypatch.setattr(camera_module, "_FRAME_MARGIN", 0.1)
         camera.trigger()
+        monkeypatch.setattr(camera_module, "_FRAME_MARGIN", 0.1)
         double.sensor.counts_frames = False
         time.sleep(0.05)
         with pytest.raises(DeviceTimeoutError, match="no new frame"):
@@ -349,21 +350,19 @@ class TestFrames:
         monkeypatch.setattr(camera_module, "_FRAME_MARGIN", 0.1)
         double.sensor.is_silent = True
         time.sleep(0.02)
-        began = time.monotonic()
-        with pytest.raises(DeviceTimeoutError, match="no new frame of the OAK camera within"):
+        with pytest.raises(DeviceTimeoutError, match=r"no new frame of the OAK camera within 0\.2 s"):
             camera.trigger()
-        assert time.monotonic() - began < 1.0
 
-    def test_a_wait_is_ended_by_another_thread(self, camera: OakCamera, double: OakDouble):
+    def test_a_wait_is_ended_by_another_thread(self, camera: OakCamera, double: OakDouble, monkeypatch):
+        # Nothing else would end it.
+        monkeypatch.setattr(camera_module, "_FRAME_MARGIN", 10.0 * HANG)
         double.sensor.is_silent = True
         with ThreadPoolExecutor(1) as executor:
             frame = executor.submit(camera.trigger)
             time.sleep(0.1)
-            began = time.monotonic()
             camera.stop()
             with pytest.raises(DeviceError, match="the exposure was stopped"):
-                frame.result(2.0)
-        assert time.monotonic() - began < 0.2
+                frame.result(HANG)
 
     def test_bounded_calls_work(self, camera: OakCamera):
         bounded = BoundedCamera(camera, Event(), lambda *_, **__: None)
@@ -372,15 +371,15 @@ class TestFrames:
 
 
 class TestGone:
-    def test_a_camera_that_is_unplugged_is_lost_and_can_be_connected_again(self, double: OakDouble):
+    def test_a_camera_that_is_unplugged_is_lost_and_can_be_connected_again(self, double: OakDouble, monkeypatch):
+        # Nothing else would end a wait.
+        monkeypatch.setattr(camera_module, "_FRAME_MARGIN", 10.0 * HANG)
         camera = double.camera()
         camera.connect()
         camera.trigger()
         double.unplug()
-        began = time.monotonic()
         with pytest.raises(DeviceLostError, match=r"the OAK camera is gone.*connect again"):
             camera.trigger()
-        assert time.monotonic() - began < 0.5
         assert double.n_closed == 1
         with pytest.raises(DeviceError, match="not connected"):
             camera.trigger()
@@ -388,14 +387,15 @@ class TestGone:
         assert camera.trigger().sequence_number == 0
         camera.disconnect()
 
-    def test_unplugged_while_somebody_waits(self, camera: OakCamera, double: OakDouble):
+    def test_unplugged_while_somebody_waits(self, camera: OakCamera, double: OakDouble, monkeypatch):
+        monkeypatch.setattr(camera_module, "_FRAME_MARGIN", 10.0 * HANG)
         double.sensor.is_silent = True
         with ThreadPoolExecutor(1) as executor:
             frame = executor.submit(camera.trigger)
             time.sleep(0.1)
             double.unplug()
             with pytest.raises(DeviceLostError, match="gone"):
-                frame.result(2.0)
+                frame.result(HANG)
 
     def test_unplugged_before_a_control(self, camera: OakCamera, double: OakDouble):
         double.unplug()

@@ -1,15 +1,15 @@
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from threading import Timer
 from typing import Any
 
 import numpy as np
 import pytest
 
-from drivers.clock import RealClock
 from drivers.errors import DeviceError
 from drivers.simulated.camera import SimulatedCamera
+from drivers.simulated.clock import VirtualClock
 from drivers.simulated.devices import open_simulated
 from drivers.simulated.light import SimulatedLight
 from drivers.simulated.stage import SimulatedStage
@@ -24,6 +24,23 @@ def ready(clock: Any = None, **simulation: Any) -> Devices:
     for device in devices:
         device.connect()
     return world, *devices
+
+
+class InterruptedClock(VirtualClock):
+    """At some time it does what somebody else does meanwhile."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._at: tuple[float, Callable[[], None]] | None = None
+
+    def at(self, seconds: float, act: Callable[[], None]) -> None:
+        self._at = (self.now() + seconds, act)
+
+    def sleep(self, seconds: float) -> None:
+        super().sleep(seconds)
+        if self._at is not None and self.now() >= self._at[0]:
+            (_, act), self._at = self._at, None
+            act()
 
 
 def photograph(devices: Devices, position: dict[str, float]) -> np.ndarray:
@@ -147,23 +164,23 @@ def test_the_axes_are_close_to_where_they_read():
 
 
 def test_a_move_can_be_stopped_on_its_way():
-    *_, stage = ready(RealClock())
-    timer = Timer(0.3, stage.stop)
-    timer.start()
+    clock = InterruptedClock()
+    *_, stage = ready(clock)
+    clock.at(0.3, stage.stop)
     with pytest.raises(DeviceError, match=r"the move to tilt 60 deg, turn 0 deg was stopped at tilt"):
         stage.move({"tilt": 60.0})
-    timer.join()
     assert 0.0 < stage.read()["tilt"] < 30.0
 
 
 def test_an_exposure_can_be_stopped():
-    _, camera, _, _ = ready(RealClock())
+    clock = InterruptedClock()
+    _, camera, _, _ = ready(clock)
     camera.set_exposure_time(5.0)
-    timer = Timer(0.2, camera.stop)
-    timer.start()
+    began = clock.now()
+    clock.at(0.2, camera.stop)
     with pytest.raises(DeviceError, match="exposure was stopped"):
         camera.trigger()
-    timer.join()
+    assert clock.now() - began < 0.3
 
 
 COMPILED = """

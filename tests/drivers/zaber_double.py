@@ -10,14 +10,14 @@ import os
 import re
 import select
 import threading
-import time
 import tty
 from contextlib import suppress
+from math import inf
 
+from tests.drivers.double_clock import DoubleClock
 from tests.drivers.zaber_machine import AxisMachine
 
 _TICK = 0.005  # seconds
-_MAX_TICK = 0.02  # seconds that count at most: a busy computer slows the devices down with everything else
 # Microsteps; 1000 of them are a degree, 30 degrees per second, 200 per second squared.
 _AXIS = {
     "limit.min": -200_000.0,
@@ -52,8 +52,12 @@ class ZaberDouble:
         self.received: list[str] = []  # commands, without address, id and checksum
         self.refused: dict[str, str] = {}  # start of a command -> reason
         self.silent = False
+        self.n_heard = 0  # lines, answered or not
+        self.unanswered: set[str] = set()  # starts of lines that are not answered, each once
         self.n_spoiled = 0  # so many replies from now get a wrong checksum
         self.speaks_grbl = False
+        self.clock = DoubleClock()  # for the driver: a busy computer slows it down with the devices
+        self.waits_after = inf  # its time at which it stands still until it is told to stop
         self.time = 0.0  # seconds in which an axis moved: what a busy computer does later takes none of it
         self._pace = pace
         self._master, self._slave = os.openpty()
@@ -72,6 +76,7 @@ class ZaberDouble:
     def unplug(self) -> None:
         self._ended.set()
         self._thread.join()
+        self.clock.end()
         for end in (self._master, self._slave):
             with suppress(OSError):
                 os.close(end)
@@ -79,18 +84,21 @@ class ZaberDouble:
     def moves(self) -> bool:
         return any(axis.is_busy(self.time) for axis in self.axes.values())
 
+    def waits(self) -> bool:
+        """Whether it is on its way and waits there to be told to stop; see `waits_after`."""
+        return self.moves() and self.time >= self.waits_after
+
     def did(self, start: str) -> list[str]:
         """Return the commands that began so."""
         return [command for command in self.received if command.startswith(start)]
 
     def _live(self) -> None:
-        line, last = b"", time.monotonic()
+        line = b""
         while not self._ended.is_set():
             has_bytes = select.select([self._master], [], [], _TICK)[0]
-            now = time.monotonic()
+            passed = self._pace * self.clock.tick()
             if self.moves():
-                self.time += self._pace * min(now - last, _MAX_TICK)
-            last = now
+                self.time = min(self.time + passed, max(self.time, self.waits_after))
             if not has_bytes:
                 continue
             line += os.read(self._master, 1024)
@@ -99,6 +107,7 @@ class ZaberDouble:
                 self._hear(whole.decode("ascii").strip())
 
     def _hear(self, line: str) -> None:
+        self.n_heard += 1
         if self.speaks_grbl:
             os.write(self._master, b"error:2\r\n")
             return
@@ -106,6 +115,9 @@ class ZaberDouble:
         if self.silent or found is None or _checksum(line[1:-3]) != found[5]:
             return
         address, number, command = int(found[1]), int(found[2]), found[4] or ""
+        for start in [start for start in self.unanswered if line.startswith(start)]:
+            self.unanswered.remove(start)
+            return
         self.received.append(command)
         for device in self.device_settings if address == 0 else {address} & set(self.device_settings):
             self._answer(device, number, found[3], command)
@@ -138,6 +150,8 @@ class ZaberDouble:
             case ["get", name]:
                 return self._setting(address, axes, name)
             case ["stop"]:
+                if any(axis.is_busy(now) for axis in axes):
+                    self.waits_after = inf
                 for axis in axes:
                     axis.stop(now)
             case ["home"]:

@@ -34,6 +34,8 @@ class Profile:
 
     def speed(self, now: float) -> float:
         passed = now - self.began
+        if self.entry_speed:
+            return max(0.0, self.entry_speed - self.acceleration * passed)
         return self.acceleration * max(0.0, min(passed, self.ramp, self.duration - passed))
 
     def _covered(self, passed: float) -> float:
