@@ -8,7 +8,6 @@ from pathlib import Path
 from threading import Event
 
 import pytest
-from instrument.bounded import COMMAND_LIMIT, FRAME_MARGIN, BoundedCamera
 
 from drivers.driver import DeviceState
 from drivers.errors import DeviceError, DeviceLimitError, DeviceLostError, DeviceTimeoutError
@@ -21,6 +20,7 @@ from drivers.genicam.driver import DRIVER
 from drivers.genicam.gige import is_controlled
 from drivers.limits import Limits
 from drivers.setting import Setting
+from instrument.rig.bounded import COMMAND_LIMIT, FRAME_MARGIN, BoundedCamera
 from tests.drivers.double_clock import HANG
 from tests.drivers.fake_genicam import (
     ADDRESS,

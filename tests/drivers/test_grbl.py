@@ -7,7 +7,6 @@ from threading import Event
 
 import pytest
 import serial
-from instrument.bounded import BoundedStage
 
 from drivers.errors import (
     CancelledError,
@@ -18,6 +17,7 @@ from drivers.errors import (
     UnsafeError,
 )
 from drivers.grbl.stage import GrblStage
+from instrument.rig.bounded import BoundedStage
 from tests.drivers.double_clock import HANG, HastyClock, until
 from tests.drivers.grbl_double import GrblDouble
 from tests.drivers.grbl_stages import TILT, TURN, settings_of
