@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cli.output import FINISHED_WITH_WARNINGS, check_new, write_json
+from cli.output import FILE, FINISHED_WITH_WARNINGS, check_new, quiet_option
 from cli.progress import stage_bars
+from instrument.files.json_file import write_json
 
 if TYPE_CHECKING:
     from analysis.pipeline import Calibrated
-
-FILE = click.Path(path_type=Path, dir_okay=False)
 
 
 @click.command(epilog="Example: halfangle calibrate session.h5 -o area.stack.h5 --report calibration.html")
@@ -27,7 +26,7 @@ FILE = click.Path(path_type=Path, dir_okay=False)
 )
 @click.option("--report", "page", type=FILE, help="HTML page of checks, pictures and parameters to write.")
 @click.option("--json", "json_file", type=FILE, help="Write figures and checks here too.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing while working.")
+@quiet_option
 def calibrate(
     session: Path, output: Path | None, pitch: float | None, page: Path | None, json_file: Path | None, quiet: bool
 ) -> None:

@@ -11,26 +11,24 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cli.output import PATH, json_option
+
 if TYPE_CHECKING:
     from instrument.rig.rig import OpenDevices
     from protocols.capture.engine import Outcome, Progress
 
 MAX_WARNINGS = 5
 
-rig_option = click.option(
-    "--rig", required=True, type=click.Path(path_type=Path), help="The rig: devices, geometry, boards (TOML)."
-)
+rig_option = click.option("--rig", required=True, type=PATH, help="The rig: devices, geometry, boards (TOML).")
 
 
-faults_option = click.option(
-    "--faults", type=click.Path(path_type=Path), help="A script of faults, to see what a simulated rig does (TOML)."
-)
+faults_option = click.option("--faults", type=PATH, help="A script of faults, to see what a simulated rig does (TOML).")
 
 
 @click.command(epilog="Example: halfangle plan examples/hdr_sweep.toml --rig examples/simulated.toml")
-@click.argument("protocol", type=click.Path(path_type=Path))
+@click.argument("protocol", type=PATH)
 @rig_option
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@json_option
 def plan(protocol: Path, rig: Path, as_json: bool) -> None:
     """Say what capturing PROTOCOL (TOML or Python) would do: poses, time, bytes. Nothing moves or lights."""
     from instrument.config.loading import load_rig
@@ -42,9 +40,9 @@ def plan(protocol: Path, rig: Path, as_json: bool) -> None:
 
 
 @click.command(epilog="Example: halfangle capture examples/hdr_sweep.toml --rig examples/simulated.toml -o relief.h5")
-@click.argument("protocol", type=click.Path(path_type=Path))
+@click.argument("protocol", type=PATH)
 @rig_option
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The session to write.")
+@click.option("-o", "--output", required=True, type=PATH, help="The session to write.")
 @faults_option
 def capture(protocol: Path, rig: Path, output: Path, faults: Path | None) -> None:
     """Capture PROTOCOL (TOML or Python) on a rig into a session file.
@@ -62,7 +60,7 @@ def capture(protocol: Path, rig: Path, output: Path, faults: Path | None) -> Non
 
 
 @click.command(epilog="Example: halfangle resume relief.h5")
-@click.argument("session", type=click.Path(path_type=Path))
+@click.argument("session", type=PATH)
 @click.option("--accept-moved", is_flag=True, help="Do not look whether the sample lies where it lay.")
 @faults_option
 def resume(session: Path, accept_moved: bool, faults: Path | None) -> None:

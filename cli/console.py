@@ -9,10 +9,11 @@ from pathlib import Path
 import click
 
 from cli.capture import devices_with, faults_option
+from cli.output import PATH
 
 
 @click.command(epilog="Example: halfangle console --rig examples/simulated.toml")
-@click.option("--rig", required=True, type=click.Path(path_type=Path), help="The rig to open (TOML).")
+@click.option("--rig", required=True, type=PATH, help="The rig to open (TOML).")
 @faults_option
 def console(rig: Path, faults: Path | None) -> None:
     """Open the operator's window on a rig: live picture, captures, sessions, calibrations, results.

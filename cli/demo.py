@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cli.output import check_new, write_json
+from cli.output import FOLDER, check_new, json_file_option, quiet_option
 from cli.progress import stage_bars
-from instrument.files.text_table import text_table
+from instrument.files.json_file import write_json
 
 if TYPE_CHECKING:
     from analysis.stages import Stages
@@ -24,17 +24,15 @@ PITCH_MM, QUICK_PITCH_MM = 0.25, 0.5
     "-o",
     "--output",
     "folder",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=FOLDER,
     default=Path("demo"),
     show_default=True,
     help="Folder for the session, the stack, the result and the reports.",
 )
-@click.option(
-    "--json", "json_file", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures here too."
-)
+@json_file_option
 @click.option("--quick", is_flag=True, help="Fewer poses and larger pixels: a third of the time, a coarser result.")
 @click.option("--force", is_flag=True, help="Replace the files of an earlier demo.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing while working.")
+@quiet_option
 def demo(folder: Path, json_file: Path | None, quick: bool, force: bool, quiet: bool) -> None:
     """Capture, calibrate, reconstruct and report a sample on the simulated rig, and compare with the truth."""
     session, stack_file, result_file, page, calibration_page = files = [folder / name for name in FILES]
@@ -47,7 +45,7 @@ def demo(folder: Path, json_file: Path | None, quick: bool, force: bool, quiet: 
     from analysis.pipeline import calibrate, reconstruct, report
     from analysis.registration.stack_file import write_truth
     from analysis.reporting.calibration_report import write_calibration_page
-    from analysis.reporting.text import checks_text, summary_text
+    from analysis.reporting.text import checks_text, stages_text, summary_text
     from analysis.results.result_file import write_result
     from benchmarks.common.simulated import EXAMPLES, truth_of
     from instrument.config.loading import load_rig
@@ -63,7 +61,7 @@ def demo(folder: Path, json_file: Path | None, quick: bool, force: bool, quiet: 
     report(result, page, "halfangle demo: a simulated relief of five materials")
     if json_file:
         write_json(json_file, result.figures())
-    click.echo(f"{summary_text(result.summary)}\n\n{_stages_table(stages)}\n")
+    click.echo(f"{summary_text(result.summary)}\n\n{stages_text(stages)}\n")
     click.echo(checks_text(calibrated.report))
     click.echo("wrote " + ", ".join(map(str, files)))
 
@@ -76,10 +74,3 @@ def _capture(rig: RigConfig, session: Path, stages: Stages, *, quick: bool) -> N
     protocol = load_protocol(EXAMPLES / ("quick_sweep.toml" if quick else "hdr_sweep.toml"))
     with stages.measure("capture"):
         capture(rig, protocol, session)
-
-
-def _stages_table(stages: Stages) -> str:
-    rows = [("stage", "seconds", "peak MB")]
-    rows += [(s.name, f"{s.seconds:.1f}", f"{s.peak_mb:.0f}") for s in stages]
-    rows.append(("all", f"{sum(s.seconds for s in stages):.1f}", ""))
-    return text_table(rows)

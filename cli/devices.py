@@ -12,16 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cli.output import PATH, check_new, json_option
 from instrument.files.validation import LINE_BREAK, printable
 
 if TYPE_CHECKING:
-    from drivers.discovery import Discovery
-    from drivers.driver import FoundDevice, Kind
+    from drivers.driver import Kind
     from instrument.rig.check import Finding
 
-json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-rig_argument = click.argument("rig_file", metavar="RIG", type=click.Path(path_type=Path))
-PICTURES = (".png", ".tif", ".tiff")
+rig_argument = click.argument("rig_file", metavar="RIG", type=PATH)
 home_option = click.option("--home", is_flag=True, help="Let the stage find its zero first, over its whole way.")
 
 
@@ -32,28 +30,12 @@ def devices(as_json: bool) -> None:
 
     Nothing is opened that might move, shine or restart; `halfangle rig check` talks to the devices of a rig.
     """
-    from drivers.discovery import discover
+    from drivers.discovery import discover, discovery_figures, discovery_text
 
     found = discover()
-    click.echo(json.dumps(_as_dict(found), indent=2) if as_json else printable(_listed(found), keep=LINE_BREAK))
-
-
-def _as_dict(found: Discovery) -> dict[str, Any]:
-    return {
-        "devices": [{**asdict(device), "state": device.state.value} for device in found.devices],
-        "not_looked_for": found.not_looked_for,
-    }
-
-
-def _listed(found: Discovery) -> str:
-    lines = [line for device in found.devices for line in _lines(device)] or ["nothing is attached that a driver knows"]
-    return "\n".join([*lines, *(f"not looked for: {why}" for why in found.not_looked_for)])
-
-
-def _lines(device: FoundDevice) -> list[str]:
-    driver = f'{device.kind}, driver = "{device.driver}"' if device.driver else "no driver"
-    line = f"{device.state.value:<13}  {device.name}  ({driver}; {device.where})"
-    return [line, f"{'':<13}  {device.remedy}"] if device.remedy else [line]
+    click.echo(
+        json.dumps(discovery_figures(found), indent=2) if as_json else printable(discovery_text(found), keep=LINE_BREAK)
+    )
 
 
 @click.group()
@@ -103,7 +85,7 @@ def safe(rig_file: Path) -> None:
 @rig_argument
 @click.option("--exposure-time", default=0.01, show_default=True, help="Seconds.")
 @click.option("--region", type=int, nargs=4, metavar="TOP LEFT BOTTOM RIGHT", help="What the numbers are of, pixels.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Picture of the raw counts to write (PNG, TIFF).")
+@click.option("-o", "--output", type=PATH, help="Picture of the raw counts to write (PNG, TIFF).")
 @json_option
 def frame(
     rig_file: Path, exposure_time: float, region: tuple[int, int, int, int] | None, output: Path | None, as_json: bool
@@ -111,18 +93,22 @@ def frame(
     """Take one frame of RIG (TOML) in the light: how bright, how sharp it is, and which boards it shows."""
     from analysis.camera.live_boards import see_boards
     from instrument.config.loading import load_rig
+    from instrument.pictures.counts import check_counts_name, write_counts
     from instrument.rig.frame_statistics import Region, frame_facts
     from instrument.rig.rig import Rig
     from protocols.acquisition.shot import take_single_frame
 
     config = load_rig(rig_file)
-    write = _picture_writer(output)
+    if output is not None:
+        check_counts_name(output)
+        check_new(output)
     with Rig.connected(config) as ready:
         taken, camera = take_single_frame(ready, exposure_time), ready.camera.describe()
     facts = frame_facts(taken.counts, camera, Region(*region) if region else None)
     boards = [board.record for board in config.boards]
     seen = see_boards(taken.counts, camera.bayer_pattern, boards, config.camera.focal_length_px)
-    write(taken.counts)
+    if output is not None:
+        write_counts(output, taken.counts)
     figures = {
         "exposure_time_s": taken.exposure_time,
         "median_counts": facts.median,
@@ -133,26 +119,6 @@ def frame(
         "board_rms_px": None if isnan(seen.rms_px) else seen.rms_px,
     }
     click.echo(json.dumps(figures, indent=2) if as_json else "\n".join(f"{k:<16} {v}" for k, v in figures.items()))
-
-
-def _picture_writer(output: Path | None) -> Callable[[Any], None]:
-    """Return what writes a picture of 16 bits; before anything shines it is known that it can be written."""
-    from cli.output import check_new
-
-    if output is None:
-        return lambda counts: None
-    if output.suffix.lower() not in PICTURES:
-        raise click.BadParameter(f"{output} is no picture of 16 bits; use {' or '.join(PICTURES)}", param_hint="-o")
-    check_new(output)
-
-    def write(counts: Any) -> None:
-        import cv2
-
-        from instrument.files.whole_file import write_whole
-
-        write_whole(output, cv2.imencode(output.suffix, counts)[1].tobytes())
-
-    return write
 
 
 def _leave_with(findings: list[Finding]) -> None:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from cli.output import check_new
+from cli.output import FILE, FOLDER, check_new
 
 if TYPE_CHECKING:
-    from instrument.imports.prepare import Import
+    pass
 
 EPILOG = """Examples:
 
@@ -20,29 +21,21 @@ halfangle import leaf -o leaf.h5
 halfangle import --registered card --positions positions.csv --width-mm 68.48 --gamma 2.2 -o card.stack.h5
 """
 
-# Options that make sense with --registered only.
-REGISTERED_ONLY = {"positions": "--positions", "width_mm": "--width-mm", "gamma": "--gamma", "binning": "--bin"}
-
 
 @click.command("import", epilog=EPILOG)
-@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Session (or registered stack) to write; FOLDER.h5 by default.",
-)
+@click.argument("folder", type=FOLDER)
+@click.option("-o", "--output", type=FILE, help="Session (or registered stack) to write; FOLDER.h5 by default.")
 @click.option(
     "--capture",
     "capture_file",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=FILE,
     help="What the pictures do not say themselves; FOLDER/capture.toml by default.",
 )
 @click.option("--init", is_flag=True, help="Write FOLDER/capture.toml, filled in as far as the pictures tell.")
 @click.option("--registered", is_flag=True, help="The pictures are registered to the sample plane: make a stack.")
 @click.option(
     "--positions",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=FILE,
     help="With --registered: CSV of the camera's (and light's) position per picture; looked for in FOLDER too.",
 )
 @click.option(
@@ -76,18 +69,16 @@ def import_pictures(
     """
     if not folder.is_dir():
         raise click.UsageError(f"{folder} is no folder.")
-    given = {"positions": positions, "width_mm": width_mm, "gamma": gamma, "binning": binning}
+    given = {"--positions": positions, "--width-mm": width_mm, "--gamma": gamma, "--bin": binning}
     if registered:
-        _refuse("--registered", {"--init": init, "--capture": capture_file})
-        _require("--registered", {"--positions": positions, "--width-mm": width_mm, "--output": output})
-        assert positions is not None
-        assert width_mm is not None
-        assert output is not None
+        _refuse("cannot go with --registered", {"--init": init, "--capture": capture_file})
+        if positions is None or width_mm is None or output is None:
+            raise click.UsageError("--registered needs --positions, --width-mm, --output too.")
         _import_registered(folder, positions, width_mm, gamma, binning or 1, output)
         return
-    _refuse_without_registered({REGISTERED_ONLY[name]: value for name, value in given.items()})
+    _refuse("is for --registered only; for a session use capture.toml", given)
     if init:
-        _refuse("--init", {"--output": output, "--capture": capture_file})
+        _refuse("cannot go with --init", {"--output": output, "--capture": capture_file})
         _write_template(folder)
     else:
         _import_session(folder, capture_file, output or Path(f"{folder.resolve().name}.h5"))
@@ -110,7 +101,7 @@ def _import_registered(
 def _import_session(folder: Path, capture_file: Path | None, output: Path) -> None:
     check_new(output)
     from cli.progress import progress_bar
-    from instrument.imports.prepare import CAPTURE_FILE, prepare_import
+    from instrument.imports.prepare import CAPTURE_FILE, import_facts, prepare_import
     from instrument.imports.writing import write_import
 
     capture = folder / CAPTURE_FILE if capture_file is None else capture_file
@@ -120,33 +111,10 @@ def _import_session(folder: Path, capture_file: Path | None, output: Path) -> No
         prepared = prepare_import(folder, capture, lambda done, total, name: step(done, name, total))
     with progress_bar("import") as step:
         write_import(prepared, output, lambda done, total, name: step(done, name, total))
-    click.echo("\n".join(f"{name:<17} {value}" for name, value in _rows(prepared)))
+    click.echo("\n".join(f"{name:<17} {value}" for name, value in import_facts(prepared)))
     for note in prepared.sensor.notes:
         click.echo(f"note: {note}")
     click.echo(f"{output}: {len(prepared.arrangement.poses)} poses")
-
-
-def _rows(prepared: Import) -> list[tuple[str, str]]:
-    arrangement, sensor = prepared.arrangement, prepared.sensor
-    camera = sensor.camera
-    boards = [f"{board.kind} {board.squares[0]} x {board.squares[1]}" for board in prepared.config.boards]
-    beside = {name: len(getattr(arrangement, name)) for name in ("darks", "flats", "ambient", "response")}
-    return [
-        ("camera", f"{camera.make} {camera.model}".strip() or "not stated"),
-        ("frames", f"{camera.width} x {camera.height}, {camera.bit_depth} bits, {_kind(prepared)}"),
-        ("poses", f"{len(arrangement.poses)}, {len(arrangement.frames)} frames"),
-        ("exposure times", ", ".join(f"{time:g}" for time in arrangement.exposure_times) + " s"),
-        ("black level", ", ".join(f"{level:g}" for level in dict.fromkeys(sensor.black_level))),
-        ("saturation level", f"{camera.saturation_value:g}"),
-        ("boards", ", ".join(boards) or "none"),
-        ("beside", ", ".join(f"{count} {name}" for name, count in beside.items() if count) or "nothing"),
-    ]
-
-
-def _kind(prepared: Import) -> str:
-    camera = prepared.sensor.camera
-    colours = camera.bayer_pattern or ("red, green, blue" if camera.n_channels == 3 else "monochrome")
-    return f"{colours}, not linear" if prepared.config.response else colours
 
 
 def _write_template(folder: Path) -> None:
@@ -160,19 +128,6 @@ def _write_template(folder: Path) -> None:
     click.echo(f"{path}: complete it, then run: halfangle import {folder}")
 
 
-def _refuse(flag: str, options: dict[str, object]) -> None:
-    given = [name for name, value in options.items() if value]
-    if given:
-        raise click.UsageError(f"{', '.join(given)} cannot go with {flag}.")
-
-
-def _require(flag: str, options: dict[str, object]) -> None:
-    missing = [name for name, value in options.items() if value is None]
-    if missing:
-        raise click.UsageError(f"{flag} needs {', '.join(missing)} too.")
-
-
-def _refuse_without_registered(options: dict[str, object]) -> None:
-    given = [name for name, value in options.items() if value is not None]
-    if given:
-        raise click.UsageError(f"{', '.join(given)} is for --registered only; for a session use capture.toml.")
+def _refuse(why: str, options: Mapping[str, object]) -> None:
+    if given := [name for name, value in options.items() if value]:
+        raise click.UsageError(f"{', '.join(given)} {why}.")

@@ -27,7 +27,7 @@ COMMANDS = {
     "reconstruct": ("cli.reconstruction:reconstruct", "Session or stack to normals, depth and BRDF."),
     "render": ("cli.reconstruction:render", "Predict the picture from any camera and light."),
     "report": ("cli.reconstruction:report", "One HTML page of a result."),
-    "point": ("cli.point:point", "Samples of one pixel against its fitted curve."),
+    "point": ("cli.reconstruction:point", "Samples of one pixel against its fitted curve."),
     "dictionary": ("cli.dictionary:dictionary", "The BRDF dictionaries that are built in."),
     "bench": ("cli.bench:bench", "Accuracy and speed on simulated scenes, against a reference."),
     "reproduce": ("cli.reproduce:reproduce", "The paper's experiments, ours against what it states."),

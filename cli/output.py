@@ -1,16 +1,22 @@
-"""What commands share: where files go, what they print."""
+"""What commands share: the kinds of their arguments, where files may go, exit codes."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 
 from instrument.files.validation import InvalidInputError, Problem
-from instrument.files.whole_file import refuse_unreadable, written_whole
+
+PATH = click.Path(path_type=Path)
+FILE = click.Path(path_type=Path, dir_okay=False)
+FOLDER = click.Path(path_type=Path, file_okay=False)
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+json_file_option = click.option("--json", "json_file", type=FILE, help="Write the figures here too.")
+quiet_option = click.option("-q", "--quiet", is_flag=True, help="Say nothing while working.")
 
 FINISHED_WITH_WARNINGS = 3
 """Exit code: what was asked for is done, and is not to be trusted before it has been looked at."""
@@ -33,47 +39,6 @@ def check_new(*paths: Path) -> None:
     ]
     if problems:
         raise InvalidInputError("Nothing was written.", problems)
-
-
-def write_json(
-    path: Path, value: Any, *, read: Callable[[Path], object] | None = None, overwrite: bool = False
-) -> None:
-    """Write `value` as JSON, whole or not at all; NaN and infinities become null, since JSON has none.
-
-    Parameters
-    ----------
-    path : Path
-    value : object
-    read : callable, optional
-        Its reader, which has to take the file.
-    overwrite : bool
-        Takes the place of a file that is there.
-
-    Raises
-    ------
-    FileExistsError
-        If there is something at `path` and it is not to be overwritten.
-    InvalidInputError
-        If `read` refuses it.
-    NotWrittenError
-        If the disk or the folder does not take it.
-    """
-    text = json.dumps(finite(value), indent=2) + "\n"
-    with written_whole(path, overwrite=overwrite, n_bytes=len(text)) as part:
-        part.write_text(text, encoding="utf-8")
-        if read is not None:
-            refuse_unreadable(path, part, read)
-
-
-def finite(value: Any) -> Any:
-    """Return values for JSON with null for NaN and infinities, and plain numbers for numpy's."""
-    if isinstance(value, dict):
-        return {key: finite(v) for key, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(v) for v in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value.item() if isinstance(value, np.generic) else value
 
 
 def parse_position(text: str, name: str) -> np.ndarray[Any, np.dtype[np.float64]]:

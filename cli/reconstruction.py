@@ -1,85 +1,56 @@
-"""`halfangle reconstruct`, `render`, `report`: from a session or a stack to maps and pictures."""
+"""`halfangle reconstruct`, `render`, `report`, `point`: from a session or a stack to maps, pictures and curves."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import click
 
-from cli.output import check_new, parse_position, write_json
+from analysis.reconstruction.options import Accuracy, Field, Light, Options, Palette, Parallax, Power
+from cli.output import FILE, check_new, json_file_option, parse_position, quiet_option
 from cli.progress import stage_bars
+from instrument.files.json_file import write_json
+from instrument.files.validation import InvalidInputError, Problem
 
-FILE = click.Path(path_type=Path, dir_okay=False)
+
+def _one_of(name: str, words: Any, default: str, text: str) -> Callable[[Any], Any]:
+    """Return the option `name` that takes one of the words of a Literal."""
+    return click.option(name, type=click.Choice(get_args(words)), default=default, show_default=True, help=text)
 
 
-def _one_of(name: str, values: list[str], default: str, text: str) -> Callable[[Any], Any]:
-    """Return the option `name` that takes one of `values`."""
-    return click.option(name, type=click.Choice(values), default=default, show_default=True, help=text)
+_DICTIONARY = "BRDF atoms to fit with: parametric, sgd, abc, or a file made by `halfangle dictionary build`."
+_LIGHT = "Where the light is: as the file says (refined if uncertain), as it says, in the lens, from the highlights."
+_PALETTE = "Whether pixels mix few materials that the scene shares, found from it, or stand on their own."
+_POWER = "Whether each view's light power is corrected by what the whole scene says (needs a palette)."
+_FIELD = "Whether each pixel has its own directions and fall-off, or that of the centre."
 
 
 @click.command(epilog="Example: halfangle reconstruct area.stack.h5 -o area.result.h5 --accuracy best")
 @click.argument("source", type=FILE)
 @click.option("-o", "--output", type=FILE, required=True, help="Result file to write.")
-@_one_of(
-    "--accuracy",
-    ["draft", "normal", "best"],
-    "normal",
-    "How often the geometry is updated from the depth: 0, 2 or 4 times.",
-)
-@click.option(
-    "--dictionary",
-    default="parametric",
-    show_default=True,
-    metavar="NAME|FILE",
-    help="BRDF atoms to fit with: parametric, sgd, abc, or a file made by `halfangle dictionary build`.",
-)
-@_one_of(
-    "--light",
-    ["auto", "given", "collocated", "estimate"],
-    "auto",
-    "Where the light is: as the file says (refined if uncertain), as it says, in the lens, from the highlights.",
-)
-@_one_of("--parallax", ["auto", "on", "off"], "auto", "Whether the views are made to follow the depth.")
-@_one_of(
-    "--palette",
-    ["auto", "on", "off"],
-    "auto",
-    "Whether pixels mix few materials that the scene shares, found from it, or stand on their own.",
-)
-@_one_of(
-    "--power",
-    ["auto", "given", "estimate"],
-    "auto",
-    "Whether each view's light power is corrected by what the whole scene says (needs a palette).",
-)
-@_one_of(
-    "--field",
-    ["auto", "near", "far"],
-    "auto",
-    "Whether each pixel has its own directions and fall-off, or that of the centre.",
-)
+@_one_of("--accuracy", Accuracy, "normal", "How often the geometry is updated from the depth: 0, 2 or 4 times.")
+@click.option("--dictionary", default="parametric", show_default=True, metavar="NAME|FILE", help=_DICTIONARY)
+@_one_of("--light", Light, "auto", _LIGHT)
+@_one_of("--parallax", Parallax, "auto", "Whether the views are made to follow the depth.")
+@_one_of("--palette", Palette, "auto", _PALETTE)
+@_one_of("--power", Power, "auto", _POWER)
+@_one_of("--field", Field, "auto", _FIELD)
 @click.option("--independent", is_flag=True, help="Pixels have nothing to do with each other: no depth.")
 @click.option("--pitch", type=click.FloatRange(min=0.001), help="For a session: size of a pixel, mm.")
-@click.option(
-    "--left-out",
-    type=click.IntRange(min=0),
-    default=6,
-    show_default=True,
-    help="Views to leave out in turn and predict.",
-)
+@click.option("--left-out", type=click.IntRange(0), default=6, show_default=True, help="Views to hold out and predict.")
 @click.option("--threads", type=click.IntRange(min=1), help="[default: all processors]")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the pixels drawn for evidence.")
-@click.option("--json", "json_file", type=FILE, help="Write the figures here too.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing while working.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the pixels drawn for evidence.")
+@json_file_option
+@quiet_option
 def reconstruct(
     source: Path, output: Path, pitch: float | None, left_out: int, json_file: Path | None, quiet: bool, **choices: Any
 ) -> None:
     """Reconstruct normals, depth and BRDF from a SOURCE: a session or a registered stack."""
     check_new(output, *([json_file] if json_file else []))
     from analysis.pipeline import reconstruct as run
-    from analysis.reconstruction.options import Options
     from analysis.reporting.text import summary_text
     from analysis.results.result_file import write_result
 
@@ -129,3 +100,30 @@ def report(result: Path, output: Path, title: str | None) -> None:
     refuse_dangerous(result)
     write_page(read_result(result), output, title or result.name)
     click.echo(str(output))
+
+
+@click.command(epilog="Example: halfangle point area.result.h5 120 80 --json")
+@click.argument("result", type=FILE)
+@click.argument("row", type=int)
+@click.argument("column", type=int)
+@click.option("--stack", type=FILE, help="The stack that the result came from [default: looked for beside it].")
+@click.option("--json", "as_json", is_flag=True, help="Print samples and curve as JSON.")
+def point(result: Path, row: int, column: int, stack: Path | None, as_json: bool) -> None:
+    """Print the samples of one pixel of a RESULT, one for each view and channel, beside its fitted curve.
+
+    ROW and COLUMN count from 0 at the top left.
+    """
+    from analysis.reporting.text import point_figures, point_text
+    from analysis.results.points import point_curve, point_samples, source_stack
+    from analysis.results.result_file import read_result
+    from instrument.files.json_file import finite
+    from instrument.files.probe import refuse_dangerous
+
+    refuse_dangerous(result)
+    read = read_result(result)
+    try:
+        curve = point_curve(read, row, column)
+    except IndexError as error:
+        raise InvalidInputError("The point cannot be shown.", [Problem(str(result), str(error))]) from None
+    samples = point_samples(read, source_stack(result, read, stack), row, column)
+    click.echo(json.dumps(finite(point_figures(curve, samples))) if as_json else point_text(curve, samples))

@@ -8,6 +8,8 @@ from typing import Any
 
 import click
 
+from cli.output import FILE, FOLDER, quiet_option
+
 SUMMARY = ("name", "status", "ours", "stated", "verdict", "why", "seconds")
 
 
@@ -24,16 +26,14 @@ SUMMARY = ("name", "status", "ours", "stated", "verdict", "why", "seconds")
     "-o",
     "--output",
     "folder",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=FOLDER,
     default=Path("reproduction"),
     show_default=True,
     help="Folder for tables, figures and reproduction.md; a later run goes on in it.",
 )
-@click.option("--json", "json_file", type=click.Path(path_type=Path, dir_okay=False), help="Write a summary here.")
-@click.option(
-    "--page", type=click.Path(path_type=Path, dir_okay=False), help="Write the page here too, with its pictures."
-)
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing while working.")
+@click.option("--json", "json_file", type=FILE, help="Write a summary here.")
+@click.option("--page", type=FILE, help="Write the page here too, with its pictures.")
+@quiet_option
 def reproduce(
     names: tuple[str, ...], merl: Path | None, quick: bool, seed: int, folder: Path, json_file: Path | None,
     page: Path | None, quiet: bool,
@@ -44,8 +44,8 @@ def reproduce(
     """
     from benchmarks.reproduction import reproduce as reproduction
     from benchmarks.reproduction.page import write_page
-    from cli.output import write_json
     from cli.progress import run_bar
+    from instrument.files.json_file import write_json
 
     reproduction.check_names(names)
     folder.mkdir(parents=True, exist_ok=True)

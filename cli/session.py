@@ -5,16 +5,15 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from instrument.files.validation import printable
+from cli.output import FINISHED_WITH_WARNINGS, PATH, check_new, json_option
+from instrument.files.validation import LINE_BREAK, printable
 
 if TYPE_CHECKING:
-    from instrument.session_tools.examination import Examination
-
-json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+    pass
 
 
 @click.group()
@@ -23,18 +22,19 @@ def session() -> None:
 
 
 @session.command(epilog="Example: halfangle session info relief.h5")
-@click.argument("path", type=click.Path(path_type=Path))
+@click.argument("path", type=PATH)
 @json_option
 def info(path: Path, as_json: bool) -> None:
     """Say what the session PATH holds."""
     from instrument.session_tools.summary import summarise
+    from instrument.session_tools.text import summary_text
 
     summary = summarise(path)
-    click.echo(json.dumps(summary, indent=2) if as_json else _table(summary))
+    click.echo(json.dumps(summary, indent=2) if as_json else summary_text(summary))
 
 
 @session.command(epilog="Example: halfangle session verify relief.h5")
-@click.argument("path", type=click.Path(path_type=Path))
+@click.argument("path", type=PATH)
 @json_option
 def verify(path: Path, as_json: bool) -> None:
     """Check the session PATH, every frame of it, and say which poses are good; PATH is never changed.
@@ -42,29 +42,12 @@ def verify(path: Path, as_json: bool) -> None:
     Exit 1 if anything is wrong, 2 if it is no session.
     """
     from instrument.session_tools.examination import examination
+    from instrument.session_tools.text import verdict_text
 
     found = examination(path)
-    click.echo(json.dumps(found.as_dict()) if as_json else _verdict(found))
+    click.echo(json.dumps(found.as_dict()) if as_json else verdict_text(found))
     if found.problems:
         sys.exit(1)
-
-
-def _verdict(found: Examination) -> str:
-    lines = [str(problem) for problem in found.problems]
-    passed = "" if found.problems else "every check passed; "
-    lines.append(f"{found.path}: {passed}{len(found.good)} of {found.n_poses} poses are good: {_ranges(found.good)}")
-    if found.missing:
-        lines.append(f"not captured: poses {_ranges(found.missing)}; halfangle resume goes on with them")
-    if found.problems:
-        lines.append("Reprocess the good poses only; keep the file as it is, and capture the others again.")
-    return "\n".join(lines)
-
-
-def _ranges(numbers: list[int]) -> str:
-    """Return [0, 1, 2, 5] as "0-2, 5"."""
-    starts = [n for n in numbers if n - 1 not in numbers]
-    ends = [n for n in numbers if n + 1 not in numbers]
-    return ", ".join(f"{a}-{b}" if a < b else str(a) for a, b in zip(starts, ends, strict=True)) or "none"
 
 
 @session.command("list", epilog="Example: halfangle session list captures")
@@ -76,53 +59,59 @@ def list_sessions(folder: Path, as_json: bool) -> None:
     complete, interrupted, recording (being written now) or aborted; damaged, with the reason; other: no session.
     """
     from instrument.session_tools.summary import summarise_all
+    from instrument.session_tools.text import listed_text
 
     rows = summarise_all(sorted(folder.glob("*.h5")))
     if as_json:
         click.echo(json.dumps(rows, indent=2))
         return
     for row in rows:
-        click.echo(printable(_listed(row)))
-
-
-def _listed(row: dict[str, Any]) -> str:
-    if "problems" in row:
-        (where, what), *others = row["problems"]
-        place = "" if where == row["path"] else f"{where}: "
-        poses, text = "", place + what + (f" (and {len(others)} more)" if others else "")
-    else:
-        poses, text = f"{row['n_complete']:>5}/{row['n_poses']:<5}", row["title"]
-    return f"{row['state']:<12} {poses:<11} {row['path']}  {text}"
+        click.echo(printable(listed_text(row)))
 
 
 @session.command("quick-look", epilog="Example: halfangle session quick-look relief.h5 -o relief.png")
-@click.argument("path", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Picture to write (PNG).")
+@click.argument("path", type=PATH)
+@click.option("-o", "--output", type=PATH, help="Picture to write (PNG).")
 @json_option
 def quick_look(path: Path, output: Path | None, as_json: bool) -> None:
     """Estimate normals of the session PATH from its previews and the rig file, and say where more poses would help.
 
     PATH may be interrupted, or being captured. Exit 3 if its poses do not determine normals yet.
     """
-    from cli.output import check_new
-    from cli.quick_look import look_at, quick_text, write_picture
+    from analysis.quick_look.figure import write_quick_figure
+    from analysis.quick_look.quick_look import quick_look as quick_look_of
+    from analysis.quick_look.text import quick_look_lines
+    from instrument.files.probe import refuse_dangerous
+    from instrument.session.session import Session
+    from protocols.planning.next_pose import next_pose
+    from protocols.planning.session_rig import planned_poses_of
 
     if output is not None:
         check_new(output)
-    found = look_at(path)
+    refuse_dangerous(path)
+    with Session(path) as source:
+        planned = planned_poses_of(source)
+    look = quick_look_of(planned.views, planned.previews)
+    best = next_pose(planned, look.used)
     if output is not None:
-        write_picture(found, output)
-    click.echo(json.dumps(found.as_dict(), indent=2) if as_json else quick_text(found))
-    if found.look.problems:
-        sys.exit(3)
+        write_quick_figure(output, look, path)
+    if as_json:
+        figures = {"session": str(path), "n_poses": planned.n_poses, **look.as_dict()}
+        click.echo(json.dumps({**figures, "next_pose": None if best is None else best.as_dict()}, indent=2))
+    else:
+        lines = [f"{path}: {len(look.used)} of {planned.n_poses} poses", *quick_look_lines(look)]
+        lines += [] if best is None else [f"  next       {best.as_text()}"]
+        # Names of axes come from the session, whoever made it.
+        click.echo(printable("\n".join(lines), keep=LINE_BREAK))
+    if look.problems:
+        sys.exit(FINISHED_WITH_WARNINGS)
 
 
 @session.command(epilog="Example: halfangle session pack relief.h5 -o relief.packed.h5")
-@click.argument("path", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The smaller session to write.")
+@click.argument("path", type=PATH)
+@click.option("-o", "--output", required=True, type=PATH, help="The smaller session to write.")
 def pack(path: Path, output: Path) -> None:
     """Copy the session PATH into a smaller file of the same content, and verify that; PATH is not changed."""
-    from cli.output import check_new
     from cli.progress import progress_bar
     from instrument.session_tools.pack import pack_session
 
@@ -134,11 +123,10 @@ def pack(path: Path, output: Path) -> None:
 
 
 @session.command(epilog="Example: halfangle session export relief.h5 -o relief")
-@click.argument("path", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Folder to make.")
+@click.argument("path", type=PATH)
+@click.option("-o", "--output", required=True, type=PATH, help="Folder to make.")
 def export(path: Path, output: Path) -> None:
     """Write the frames of the session PATH as DNG files with a capture.toml; `halfangle import` reads them back."""
-    from cli.output import check_new
     from cli.progress import progress_bar
     from instrument.files.probe import refuse_dangerous
     from instrument.imports.export import export_session
@@ -152,11 +140,10 @@ def export(path: Path, output: Path) -> None:
 
 
 @session.command("documents", epilog="Example: halfangle session documents relief.h5 -o relief.jsonl")
-@click.argument("path", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File to write, JSON lines.")
+@click.argument("path", type=PATH)
+@click.option("-o", "--output", required=True, type=PATH, help="File to write, JSON lines.")
 def write_documents(path: Path, output: Path) -> None:
     """Write the session PATH as documents of the event model, a name and a document a line; the frames stay in PATH."""
-    from cli.output import check_new
     from instrument.files.probe import refuse_dangerous
     from instrument.files.whole_file import write_whole
     from instrument.session.session import Session
@@ -168,12 +155,3 @@ def write_documents(path: Path, output: Path) -> None:
         lines = [as_line(name, document) for name, document in documents(source)]
     write_whole(output, "".join(f"{line}\n" for line in lines))
     click.echo(f"{output}: {len(lines)} documents")
-
-
-def _table(summary: dict[str, Any]) -> str:
-    width = max(map(len, summary))
-    return "\n".join(f"{name:<{width}}  {printable(_shown(value))}" for name, value in summary.items())
-
-
-def _shown(value: Any) -> str:
-    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from typing import Any
 
 from drivers.driver import DeviceState, FoundDevice, Kind
 from drivers.errors import DeviceError
@@ -47,3 +48,23 @@ def _found_by(kind: Kind, name: str) -> Iterable[FoundDevice]:
     for device in find_driver(kind, name).find():
         # What a driver knows how to talk to is its own; the others it met are nobody's.
         yield device if device.state is DeviceState.UNKNOWN else replace(device, kind=kind, driver=name)
+
+
+def discovery_figures(found: Discovery) -> dict[str, Any]:
+    """Return what is attached, as JSON has it."""
+    return {
+        "devices": [{**asdict(device), "state": device.state.value} for device in found.devices],
+        "not_looked_for": found.not_looked_for,
+    }
+
+
+def discovery_text(found: Discovery) -> str:
+    """Return what is attached, a line each, with what to do."""
+    lines = [line for device in found.devices for line in _lines(device)] or ["nothing is attached that a driver knows"]
+    return "\n".join([*lines, *(f"not looked for: {why}" for why in found.not_looked_for)])
+
+
+def _lines(device: FoundDevice) -> list[str]:
+    driver = f'{device.kind}, driver = "{device.driver}"' if device.driver else "no driver"
+    line = f"{device.state.value:<13}  {device.name}  ({driver}; {device.where})"
+    return [line, f"{'':<13}  {device.remedy}"] if device.remedy else [line]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,6 +13,22 @@ from analysis.drawing.colours import normal_colours
 from analysis.drawing.figures import STYLE, png
 from analysis.quick_look.quick_look import QuickLook
 from analysis.registration.coverage import JUDGED_TO_DEG, Coverage
+from instrument.files.validation import InvalidInputError, Problem
+from instrument.files.whole_file import write_whole
+
+
+def write_quick_figure(path: Path, look: QuickLook, session: Path) -> None:
+    """Write the picture of a quick look at `session`.
+
+    Raises
+    ------
+    InvalidInputError
+        If there are no normals to show.
+    """
+    if look.problems:
+        problems = [Problem(str(session), what) for what in look.problems]
+        raise InvalidInputError(f"There are no normals to draw; {path} was not written.", problems)
+    write_whole(path, quick_figure(look))
 
 
 def quick_figure(look: QuickLook) -> bytes:

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+
 from analysis.reporting.calibration_report import CalibrationReport
 from analysis.reporting.checks import Status, by_severity, count
+from analysis.results.points import USES, PointCurve, PointSamples
 from analysis.results.summary import Summary
+from analysis.stages import Stages
 from instrument.files.text_table import text_table
 from instrument.files.validation import LINE_BREAK, printable
 
@@ -65,4 +71,47 @@ def _held_out_table(summary: Summary) -> str:
         shares = f"{100 * v.relative_rms:.2f} %", f"{100 * v.lambert_relative_rms:.2f} %"
         levels = f"{v.psnr_db:.1f}", f"{v.lambert_psnr_db:.1f}", f"{v.glossy_gain_db:.1f}"
         rows.append((str(v.view), *shares, *levels))
+    return text_table(rows)
+
+
+def point_figures(curve: PointCurve, samples: PointSamples) -> dict[str, Any]:
+    """Return the samples of a pixel beside its curve, as JSON has it."""
+    return {
+        "row": curve.row,
+        "column": curve.column,
+        "flags": list(curve.flags),
+        "normal_sigma_rad": curve.normal_sigma,
+        "theta_h_range_rad": list(curve.seen),
+        "curve": {"theta_h_rad": curve.theta_h.tolist(), "f": curve.f.tolist()},
+        "samples": {
+            "theta_h_rad": samples.theta_h.tolist(),
+            "f": samples.f.tolist(),
+            "sigma": samples.sigma.tolist(),
+            "use": [[USES[use] for use in view] for view in samples.use],
+        },
+    }
+
+
+def point_text(curve: PointCurve, samples: PointSamples) -> str:
+    """Return the samples of a pixel beside its curve, a line for each view and channel."""
+    near, far, sigma = np.rad2deg([*curve.seen, curve.normal_sigma])
+    seen = f"seen from {near:.1f} to {far:.1f} deg, normal known to {sigma:.3f} deg"
+    head = [f"row {curve.row}, column {curve.column}: {seen}", *(f"flag: {flag}" for flag in curve.flags)]
+    names = "RGB" if curve.f.shape[1] == 3 else ("grey",)
+    rows: list[tuple[str, ...]] = [("view", "channel", "theta_h, deg", "f, 1/sr", "sigma", "fitted", "use")]
+    for i_view in np.argsort(samples.theta_h):
+        for channel, name in enumerate(names):
+            theta_h = float(samples.theta_h[i_view])
+            fitted = float(np.interp(theta_h, curve.theta_h, curve.f[:, channel]))
+            values = (samples.f[i_view, channel], samples.sigma[i_view, channel], fitted)
+            use = USES[samples.use[i_view, channel]]
+            rows.append((str(i_view), name, f"{np.rad2deg(theta_h):.2f}", *(f"{v:.5g}" for v in values), use))
+    return printable("\n".join([*head, text_table(rows)]), keep="\n")
+
+
+def stages_text(stages: Stages) -> str:
+    """Return what each stage took."""
+    rows = [("stage", "seconds", "peak MB")]
+    rows += [(s.name, f"{s.seconds:.1f}", f"{s.peak_mb:.0f}") for s in stages]
+    rows.append(("all", f"{sum(s.seconds for s in stages):.1f}", ""))
     return text_table(rows)

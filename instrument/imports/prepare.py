@@ -140,3 +140,27 @@ def _sensor(config: CaptureConfig, arrangement: Arrangement) -> Sensor:
     beside = (*arrangement.ambient, *arrangement.flats, *arrangement.response, *arrangement.darks)
     all_bits = reduce(or_, (frame.surveyed.any_bits for frame in (*arrangement.frames, *beside)))
     return sensor_of(config.camera, arrangement.frames, all_bits)
+
+
+def import_facts(prepared: Import) -> list[tuple[str, str]]:
+    """Return what an import will bring in, by name, for the operator."""
+    arrangement, sensor = prepared.arrangement, prepared.sensor
+    camera = sensor.camera
+    boards = [f"{board.kind} {board.squares[0]} x {board.squares[1]}" for board in prepared.config.boards]
+    beside = {name: len(getattr(arrangement, name)) for name in ("darks", "flats", "ambient", "response")}
+    return [
+        ("camera", f"{camera.make} {camera.model}".strip() or "not stated"),
+        ("frames", f"{camera.width} x {camera.height}, {camera.bit_depth} bits, {_kind(prepared)}"),
+        ("poses", f"{len(arrangement.poses)}, {len(arrangement.frames)} frames"),
+        ("exposure times", ", ".join(f"{time:g}" for time in arrangement.exposure_times) + " s"),
+        ("black level", ", ".join(f"{level:g}" for level in dict.fromkeys(sensor.black_level))),
+        ("saturation level", f"{camera.saturation_value:g}"),
+        ("boards", ", ".join(boards) or "none"),
+        ("beside", ", ".join(f"{count} {name}" for name, count in beside.items() if count) or "nothing"),
+    ]
+
+
+def _kind(prepared: Import) -> str:
+    camera = prepared.sensor.camera
+    colours = camera.bayer_pattern or ("red, green, blue" if camera.n_channels == 3 else "monochrome")
+    return f"{colours}, not linear" if prepared.config.response else colours

@@ -11,7 +11,7 @@ import pytest
 
 from analysis.registration.stack_file import read_stack, write_stack, write_truth
 from cli.main import main
-from cli.output import write_json
+from instrument.files.json_file import write_json
 from instrument.files.whole_file import InsufficientSpaceError
 from tests.instrument.imports.folders import mosaic, write_capture, write_dng, write_exr
 from tests.merl_files import write_materials

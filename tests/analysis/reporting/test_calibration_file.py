@@ -13,7 +13,7 @@ from analysis.reporting.calibration_checks import calibration_checks, coverage_o
 from analysis.reporting.calibration_file import calibration_beside, read_calibration
 from analysis.reporting.calibration_report import CalibrationReport
 from analysis.reporting.checks import by_severity
-from cli.output import write_json
+from instrument.files.json_file import write_json
 from instrument.files.validation import InvalidInputError
 from tests.analysis.calibrations import calibration, camera, facts
 

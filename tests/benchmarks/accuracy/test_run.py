@@ -15,7 +15,7 @@ from benchmarks.accuracy.rows import KEYS
 from benchmarks.accuracy.run import add_ratios, bench, cpu_model, head, selected
 from benchmarks.accuracy.settings import NOISE, PARTS, QUICK_PARTS, Setting, entries, settings
 from benchmarks.accuracy.targets import TARGETS, judged
-from cli.output import write_json
+from instrument.files.json_file import write_json
 from instrument.files.validation import InvalidInputError
 
 NONE = float("nan")

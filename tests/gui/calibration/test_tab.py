@@ -13,9 +13,9 @@ from pytestqt.qtbot import QtBot
 from analysis.reporting.calibration_checks import calibration_checks
 from analysis.reporting.calibration_report import CalibrationReport
 from analysis.reporting.checks import by_severity
-from cli.output import write_json
 from gui.calibration.checks_table import OUTCOMES
 from gui.calibration.tab import CalibrationTab
+from instrument.files.json_file import write_json
 from instrument.session.session import Session
 from protocols.capture.engine import capture
 from tests.analysis.calibrations import calibration, camera, facts
