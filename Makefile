@@ -8,7 +8,7 @@ NO_GUI = $$($(BIN)/python -c 'import PySide6.QtWidgets' 2>/dev/null || \
 # A file of tests to each of two processes at a time: what tests of a file share is made once.
 TWO = -n 2 --dist loadfile
 
-.PHONY: help setup setup-run demo test checks faults soak screenshots lint format constraints clean
+.PHONY: help setup setup-run demo test checks faults soak screenshots map lint format constraints clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
@@ -40,6 +40,9 @@ soak: setup ## the longer campaigns
 
 screenshots: setup ## pictures of every tab of the console, light and dark, into docs/images/console
 	PYTHONPATH=. $(BIN)/python scripts/screenshots.py
+
+map: setup ## the map of the house in CONTRIBUTING.md, from the real imports
+	$(BIN)/python scripts/house_map.py
 
 lint: setup ## ruff, mypy, the import contracts, and no machine's name in the files
 	$(BIN)/ruff check .

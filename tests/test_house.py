@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -76,3 +77,28 @@ def test_imports_flow_one_way():
     command = Path(sys.executable).with_name("lint-imports")
     linted = subprocess.run([command, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False)
     assert linted.returncode == 0, linted.stdout
+
+
+def test_the_map_of_the_house_is_that_of_the_imports():
+    checked = subprocess.run(
+        [sys.executable, "scripts/house_map.py", "--check"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert checked.returncode == 0, checked.stderr
+
+
+def folders_of_modules() -> Iterator[tuple[str, int]]:
+    for package in PACKAGES:
+        for folder in [ROOT / package, *(path for path in (ROOT / package).rglob("*") if path.is_dir())]:
+            yield str(folder.relative_to(ROOT)), sum(path.name != "__init__.py" for path in folder.glob("*.py"))
+
+
+def test_no_room_has_more_than_14_modules():
+    assert [(name, n) for name, n in folders_of_modules() if n > 14] == []
+
+
+def test_every_package_has_an_exhaustive_order_of_its_rooms():
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
+    ordered = {name for contract in contracts if contract.get("exhaustive") for name in contract["containers"]}
+    assert set(PACKAGES) - {"cli"} <= ordered

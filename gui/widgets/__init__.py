@@ -1,1 +1,1 @@
-"""Parts that every tab is made of: texts, colours, plots, jobs."""
+"""Parts that every tab is made of: texts, colours, plots, jobs, commands."""

@@ -1,1 +1,1 @@
-"""Pictures from elsewhere: reads them, and writes a session of them."""
+"""Single pictures: RAW, TIFF, PNG, JPEG, EXR and NumPy files as the counts that they hold."""

@@ -1,1 +1,1 @@
-"""The session file: layout, writing, reading."""
+"""The session file: its layout, its records, reading it."""
