@@ -24,3 +24,7 @@ class TestSerialLight(LightContract):
     @pytest.fixture
     def wait(self) -> Callable[[float], None]:
         return time.sleep
+
+    @pytest.fixture
+    def lease(self) -> float:
+        return 5.0

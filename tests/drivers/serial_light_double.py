@@ -40,6 +40,7 @@ class SerialLightDouble:
     def unplug(self) -> None:
         """Take the port away; safe to call twice."""
         if self._thread.is_alive():
+            self.may_answer.set()
             os.write(self._stop, b"x")
             self._thread.join()
             for end in (self._controller, self._terminal, self._stops, self._stop):

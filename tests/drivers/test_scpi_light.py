@@ -2,7 +2,6 @@
 
 import errno
 import sys
-import time
 from contextlib import suppress
 
 import pytest
@@ -23,6 +22,7 @@ from drivers.scpi_light.usb_errors import UDEV_RULES
 from drivers.simulated.clock import VirtualClock
 from drivers.supervised_light import SupervisedLight
 from tests.drivers.dc2200_double import Dc2200Double
+from tests.drivers.double_clock import until
 from tests.drivers.test_supervised_light import ROOT
 from tests.drivers.usbtmc_double import UsbBus, UsbTmcDevice
 
@@ -372,9 +372,8 @@ def test_it_works_under_a_supervisor_too() -> None:
     light = supervised()
     light.connect()
     assert light.describe().model == "DC2200"
-    assert light.on(0.5, 0.2).level == pytest.approx(0.5)
-    time.sleep(0.3)
-    assert not light.read().lit
+    assert light.on(0.5, 3.0).level == pytest.approx(0.5)
+    until(lambda: not light.read().lit)
     light.disconnect()
 
 

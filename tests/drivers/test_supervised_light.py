@@ -48,6 +48,10 @@ class TestSupervisedLight(LightContract):
     def wait(self) -> Callable[[float], None]:
         return time.sleep
 
+    @pytest.fixture
+    def lease(self) -> float:
+        return 5.0
+
 
 def seconds_lit_after_death(record: Path, how: signal.Signals) -> float:
     """Kill the parent of a light with a lease of minutes."""

@@ -19,6 +19,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
 
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Wait for a tenth of a second only for what never comes."""
+    """Wait for a second only for what never comes."""
     for name in ("COMMAND_LIMIT", "FRAME_MARGIN", "MOVE_MARGIN", "CONNECT_LIMIT", "HOME_LIMIT"):
-        monkeypatch.setattr(bounded, name, 0.3)
+        monkeypatch.setattr(bounded, name, 1.0)
