@@ -21,7 +21,7 @@ from instrument.session_tools.verify import plan_problems
 from protocols.capture.control import Control, obeying_signals
 from protocols.capture.errors import CaptureFaultError
 from protocols.capture.progress import Finish, Outcome, Progress, State, Watcher, tell
-from protocols.capture.resume import BegunSession
+from protocols.capture.resumed_session import BegunSession
 from protocols.capture.run import Begun, Run
 from protocols.capture.session_header import session_header
 from protocols.planning.metering import Metered

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import protocols.capture.resume
+import protocols.capture.resumed_session
 from instrument.files.validation import InvalidInputError
 from instrument.session.preview import Preview
 from instrument.session.session import Session
@@ -102,7 +102,7 @@ def test_damaged_previews_do_not_keep_a_session_from_going_on(tmp_path: Path, mo
 
     path, seen = tmp_path / "s.h5", list[Progress]()
     interrupted_after(1, path)
-    monkeypatch.setattr(protocols.capture.resume, "previews_of", damaged)
+    monkeypatch.setattr(protocols.capture.resumed_session, "previews_of", damaged)
     assert resume(path, seen.append, FakeBench().devices).finish is Finish.COMPLETE
     planned = news_of(seen)[0]
     assert isinstance(planned, PlannedPoses)

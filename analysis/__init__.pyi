@@ -1,0 +1,16 @@
+from .pipeline import Calibrated as Calibrated
+from .pipeline import calibrate as calibrate
+from .pipeline import check_calibration as check_calibration
+from .pipeline import reconstruct as reconstruct
+from .pipeline import report as report
+from .reconstruction.options import Options as Options
+from .registration.registered_pictures import import_registered as import_registered
+from .registration.stack import Stack as Stack
+from .registration.stack_file import read_stack as read_stack
+from .registration.stack_file import write_stack as write_stack
+from .reporting.calibration_report import CalibrationReport as CalibrationReport
+from .reporting.calibration_report import write_calibration_page as write_calibration_page
+from .results.result import Result as Result
+from .results.result_file import read_result as read_result
+from .results.result_file import write_result as write_result
+from .results.summary import Summary as Summary
