@@ -39,8 +39,8 @@ def njit(**options: Any) -> Callable[[Kernel], Kernel]:
 
 def _tell() -> None:
     _log.warning(
-        "There is no folder for compiled code that can be written, so it is compiled anew each time, which takes up to "
-        "a minute. Set the environment variable NUMBA_CACHE_DIR to such a folder"
+        "There is no folder for compiled code that can be written, so it is compiled anew each time, which takes a "
+        "minute or two. Set the environment variable NUMBA_CACHE_DIR to such a folder"
     )
     # Once, however many kernels there are.
     _log.disabled = True
