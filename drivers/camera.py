@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.limits import Limits
-from drivers.setting import Setting
+from drivers.readback import Setting
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from typing import Any
 from drivers.driver import DeviceState, FoundDevice, Kind
 from drivers.errors import DeviceError
 from drivers.registry import driver_names, find_driver
-from drivers.serial_discovery import find_serial_ports
+from drivers.serial_link.discovery import find_serial_ports
 
 
 @dataclass(slots=True)

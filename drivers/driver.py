@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Literal
 
-from drivers.settings import DeviceSettings
+from drivers.device_settings import DeviceSettings
 
 Kind = Literal["camera", "light", "stage"]
 

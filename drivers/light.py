@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from drivers.limits import Limits
-from drivers.setting import Setting
+from drivers.readback import Setting
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple, get_args
 
 from drivers.camera import Camera
 from drivers.clock import Clock, RealClock
+from drivers.device_settings import DeviceSettings, settings_from_table
 from drivers.driver import Driver, Kind
 from drivers.errors import DeviceError, DriverNotFoundError
 from drivers.light import Light
-from drivers.settings import DeviceSettings, settings_from_table
 from drivers.stage import Stage
 from drivers.supervised_light import SupervisedLight, supervisor_command
 

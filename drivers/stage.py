@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol, runtime_checkable
 
 from drivers.limits import Limits
-from drivers.setting import Setting
+from drivers.readback import Setting
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,7 @@ from analysis.registration.stack import Stack, Truth
 from analysis.registration.stack_file import read_stack, write_truth
 from benchmarks.common.scenes import DARK_FLOOR, Scene, relief, with_noise
 from benchmarks.common.simulated import EXAMPLES, truth_of
-from drivers.simulated.brdf import evaluate
+from drivers.simulated.rendering.brdf import evaluate
 from drivers.simulated.stage import SimulatedStage
 from drivers.simulated.world import World
 from drivers.stage import AxisDescription

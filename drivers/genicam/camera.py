@@ -14,7 +14,7 @@ from drivers.genicam.finding import open_camera
 from drivers.genicam.link import GenicamLink, RawFrame
 from drivers.genicam.settings import GenicamSettings
 from drivers.limits import Limits
-from drivers.setting import confirm
+from drivers.readback import confirm
 
 FRAME_MARGIN = 1.5
 """Seconds that a frame may take besides its exposure; whether the camera is gone takes 2.5 s more to find out."""

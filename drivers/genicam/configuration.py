@@ -12,7 +12,7 @@ from drivers.genicam.link import GenicamLink, Region, Side, Steps
 from drivers.genicam.pixels import PixelFormat, deepest, raw_format, shifted_pattern
 from drivers.genicam.settings import GenicamSettings
 from drivers.limits import Limits
-from drivers.setting import Setting, confirm
+from drivers.readback import Setting, confirm
 
 # Whatever changes counts, or the time between frames, by itself; a camera has some of them.
 _AUTOMATICS = (

@@ -6,8 +6,8 @@ from typing import Annotated
 
 from pydantic import Field, field_validator
 
+from drivers.device_settings import DeviceSettings
 from drivers.genicam.pixels import raw_format
-from drivers.settings import DeviceSettings
 
 Offset = Annotated[int, Field(ge=0)]
 

@@ -9,7 +9,7 @@ from threading import Event, Lock
 from drivers.clock import Clock
 from drivers.errors import DeviceError, DeviceLostError, DeviceTimeoutError
 from drivers.grbl.link import HOLD, JOG_CANCEL, RESET, GrblLink
-from drivers.serial_port import SerialPort
+from drivers.serial_link.port import SerialPort
 
 # Seconds. A board that the opening of its port restarts takes two of them to greet.
 _GREETING_LIMIT, _RESET_LIMIT = 6.0, 2.0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from drivers.errors import DeviceError
 from drivers.grbl.settings import GrblAxis, GrblSettings
-from drivers.setting import Setting
+from drivers.readback import Setting
 
 _SETTING = re.compile(r"\$(\d{1,3})=(-?\d+(?:\.\d+)?)")
 _VERSION = re.compile(r"\[VER:([^:\]]*):?([^\]]*)\]")

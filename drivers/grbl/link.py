@@ -16,7 +16,7 @@ from drivers.clock import Clock
 from drivers.errors import DeviceError, DeviceTimeoutError
 from drivers.grbl.codes import alarm, bad_state, refusal
 from drivers.grbl.report import Report, machine_position, parse_report
-from drivers.serial_port import SerialPort
+from drivers.serial_link.port import SerialPort
 
 QUERY, HOLD, RESUME, JOG_CANCEL, RESET = b"?", b"!", b"~", b"\x85", b"\x18"
 """Characters that act at once, wherever they stand in the stream."""

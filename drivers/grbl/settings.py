@@ -7,8 +7,8 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from drivers.axis_settings import AxisSettings, Name, axes_problems
-from drivers.settings import DeviceSettings
+from drivers.axes.settings import AxisSettings, Name, axes_problems
+from drivers.device_settings import DeviceSettings
 
 LETTERS = "XYZABC"
 

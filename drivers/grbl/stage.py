@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from drivers.axis_settings import check_target
+from drivers.axes.motion import AxisMotion, duration, fastest_rate
+from drivers.axes.settings import check_target
 from drivers.clock import Clock, RealClock
 from drivers.errors import DeviceError
 from drivers.grbl.codes import bad_state
@@ -12,8 +13,7 @@ from drivers.grbl.controller import GrblController
 from drivers.grbl.firmware import Firmware
 from drivers.grbl.link import HOLD, RESUME, GrblLink
 from drivers.grbl.settings import GrblSettings
-from drivers.motion import AxisMotion, duration, fastest_rate
-from drivers.serial_port import usb_serial_number
+from drivers.serial_link.port import usb_serial_number
 from drivers.stage import StageDescription
 
 _MOVE_MARGIN = 2.0  # seconds that a move may take besides half as long again as its way explains

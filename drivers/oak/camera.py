@@ -16,7 +16,7 @@ from drivers.errors import DeviceError, DeviceLostError, DeviceTimeoutError
 from drivers.oak.connection import Connection, Opener, open_device
 from drivers.oak.messages import FrameFacts, counts, now, set_controls
 from drivers.oak.settings import OakSettings
-from drivers.setting import Setting, confirm
+from drivers.readback import Setting, confirm
 
 _TICK = 1e-6  # seconds: exposure times are whole ones
 _OTHER_FRAMES = 10  # after which a camera that tells other values than were asked for is believed

@@ -6,8 +6,8 @@ from typing import Literal
 
 from pydantic import Field
 
+from drivers.device_settings import DeviceSettings
 from drivers.limits import Limits
-from drivers.settings import DeviceSettings
 
 # As the SDK states it for its cameras; a sensor may stop earlier, which its frames then tell.
 _SHORTEST_EXPOSURE_TIME = 1e-6

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from drivers.errors import DeviceError, DeviceTimeoutError
 from drivers.limits import Limits
-from drivers.setting import Setting
+from drivers.readback import Setting
 
 _NO_ERROR = 0
 # A queue of errors that is longer than this does not end.

@@ -7,8 +7,8 @@ from typing import Literal
 
 from pydantic import Field
 
+from drivers.device_settings import DeviceSettings
 from drivers.lease import LONGEST_LEASE
-from drivers.settings import DeviceSettings
 
 
 @dataclass(frozen=True, slots=True)

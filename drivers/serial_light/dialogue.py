@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from drivers.errors import DeviceError, DeviceTimeoutError
-from drivers.serial_port import SerialPort
+from drivers.serial_link.port import SerialPort
 
 QUIET_TIME = 0.1
 """Seconds without a byte after which a device that was out of step has said all that it had to say: the port's poll."""

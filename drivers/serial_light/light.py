@@ -15,7 +15,7 @@ from drivers.lease import LEVEL_LIMITS, check_lease, check_level
 from drivers.light import LightDescription, LightState
 from drivers.serial_light.dialogue import QUIET_TIME, LineDialogue
 from drivers.serial_light.settings import SerialLightSettings
-from drivers.serial_port import SerialPort, usb_serial_number
+from drivers.serial_link.port import SerialPort, usb_serial_number
 
 _DARK = LightState(lit=False, level=0.0, monitor=math.nan, temperature=math.nan)
 

@@ -7,8 +7,8 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from drivers.device_settings import DeviceSettings
 from drivers.lease import LONGEST_LEASE
-from drivers.settings import DeviceSettings
 
 _COMMANDS = ("identify_command", "level_command", "on_command", "off_command", "state_command")
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drivers.clock import Clock, RealClock
-from drivers.simulated import truth
 from drivers.simulated.clock import VirtualClock
 from drivers.simulated.geometry import (
     Matrix,
@@ -19,13 +18,14 @@ from drivers.simulated.geometry import (
 )
 from drivers.simulated.lamp import Lamp
 from drivers.simulated.misalignment import true_angles, true_camera_matrix, true_mount
-from drivers.simulated.render import render
-from drivers.simulated.scene import Scene, build_scene
+from drivers.simulated.rendering import truth
+from drivers.simulated.rendering.render import render
+from drivers.simulated.rendering.scene import Scene, build_scene
+from drivers.simulated.rendering.truth import Truth
+from drivers.simulated.rendering.view import View
 from drivers.simulated.seeding import position_key, rng_for
 from drivers.simulated.sensor import Sensor
 from drivers.simulated.settings import BenchSettings
-from drivers.simulated.truth import Truth
-from drivers.simulated.view import View
 
 Array = NDArray[np.float64]
 Position = Mapping[str, float]

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from drivers.axis_settings import UNITS
+from drivers.axes.settings import UNITS
 from drivers.errors import DeviceError, DeviceTimeoutError
-from drivers.setting import Setting
+from drivers.readback import Setting
 from drivers.zaber.link import ZaberLink
 from drivers.zaber.settings import ZaberAxis, ZaberSettings
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 
+from drivers.axes.motion import AxisMotion, duration
 from drivers.clock import Clock
 from drivers.errors import DeviceError, DeviceLostError, DeviceTimeoutError
-from drivers.motion import AxisMotion, duration
 from drivers.zaber.devices import Chain
 from drivers.zaber.flags import blocked
 from drivers.zaber.link import ZaberLink

@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import Any
 
 from drivers.errors import DeviceError, DeviceLostError, DeviceTimeoutError, DriverNotFoundError
-from drivers.serial_port import SerialPort
+from drivers.serial_link.port import SerialPort
 from drivers.zaber.flags import NONE
 
 # A device answers within some milliseconds; a busy computer may take longer to hear it.

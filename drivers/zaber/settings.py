@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pydantic import Field, model_validator
 
-from drivers.axis_settings import AxisSettings, Name, axes_problems
-from drivers.settings import DeviceSettings
+from drivers.axes.settings import AxisSettings, Name, axes_problems
+from drivers.device_settings import DeviceSettings
 
 
 class ZaberAxis(AxisSettings):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-from drivers.axis_settings import check_target
+from drivers.axes.settings import check_target
 from drivers.clock import Clock, RealClock
 from drivers.errors import DeviceError, DeviceLostError
 from drivers.stage import StageDescription

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, Field
 
-from drivers.settings import DeviceSettings
+from drivers.device_settings import DeviceSettings
 
 Positive = Annotated[float, Field(gt=0)]
 

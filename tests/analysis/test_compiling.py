@@ -16,7 +16,7 @@ import numpy as np
 from numba import prange
 
 from analysis import compiling as ours
-from drivers.simulated import compiling as theirs
+from drivers.simulated.rendering import compiling as theirs
 
 
 @ours.njit(cache=True, nogil=True, fastmath={"contract"})

@@ -20,7 +20,7 @@ from analysis.registration.stack import Stack
 from analysis.registration.stack_file import read_stack
 from analysis.results.result import result_of
 from analysis.results.result_file import write_result
-from drivers.simulated.truth import Truth
+from drivers.simulated.rendering.truth import Truth
 from drivers.simulated.world import World
 from instrument.config.loading import load_protocol, load_rig
 from instrument.session.session import Session

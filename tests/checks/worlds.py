@@ -12,11 +12,11 @@ from analysis.registration.grid import Grid
 from analysis.registration.rectification import rectify
 from analysis.registration.stack import Stack
 from drivers.simulated.clock import VirtualClock
-from drivers.simulated.materials import Microfacet, table
-from drivers.simulated.scene import build_scene
+from drivers.simulated.rendering.materials import Microfacet, table
+from drivers.simulated.rendering.scene import build_scene
+from drivers.simulated.rendering.truth import Truth
 from drivers.simulated.sensor import mosaic
 from drivers.simulated.settings import BenchSettings, SimulationSettings
-from drivers.simulated.truth import Truth
 from drivers.simulated.world import World
 
 Array = NDArray[np.float64]

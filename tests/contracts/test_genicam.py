@@ -4,7 +4,7 @@ import pytest
 
 from drivers.camera import Camera
 from drivers.contracts.camera import CameraContract
-from tests.drivers.fake_genicam import FakeGenicam
+from tests.drivers.genicam.fake_genicam import FakeGenicam
 
 
 class TestGenicamCamera(CameraContract):

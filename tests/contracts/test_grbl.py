@@ -5,8 +5,8 @@ import pytest
 from drivers.contracts.stage import StageContract
 from drivers.grbl.stage import GrblStage
 from drivers.stage import Stage
-from tests.drivers.grbl_double import GrblDouble
-from tests.drivers.grbl_stages import settings_of
+from tests.drivers.grbl.grbl_double import GrblDouble
+from tests.drivers.grbl.grbl_stages import settings_of
 
 
 class TestGrblStage(StageContract):

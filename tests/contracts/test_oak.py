@@ -2,7 +2,7 @@ import pytest
 
 from drivers.camera import Camera
 from drivers.contracts.camera import CameraContract
-from tests.drivers.oak_double import OakDouble
+from tests.drivers.oak.oak_double import OakDouble
 
 
 class TestOakCamera(CameraContract):

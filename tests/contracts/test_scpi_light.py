@@ -7,8 +7,8 @@ from drivers.light import Light
 from drivers.scpi_light.light import ScpiLight
 from drivers.scpi_light.settings import ScpiLightSettings
 from drivers.simulated.clock import VirtualClock
-from tests.drivers.dc2200_double import Dc2200Double
-from tests.drivers.usbtmc_double import UsbBus, UsbTmcDevice
+from tests.drivers.lights.dc2200_double import Dc2200Double
+from tests.drivers.lights.usbtmc_double import UsbBus, UsbTmcDevice
 
 
 class TestScpiLight(LightContract):

@@ -7,7 +7,7 @@ import pytest
 from drivers.contracts.light import LightContract
 from drivers.light import Light
 from drivers.supervised_light import SupervisedLight
-from tests.drivers.serial_light_double import SerialLightDouble
+from tests.drivers.lights.serial_light_double import SerialLightDouble
 
 
 class TestSerialLight(LightContract):
@@ -16,7 +16,7 @@ class TestSerialLight(LightContract):
     @pytest.fixture
     def light(self) -> Iterator[Light]:
         double = SerialLightDouble()
-        light = SupervisedLight([sys.executable, "-m", "tests.drivers.supervised_serial_light", double.port])
+        light = SupervisedLight([sys.executable, "-m", "tests.drivers.lights.supervised_serial_light", double.port])
         yield light
         light.disconnect()
         double.unplug()

@@ -5,8 +5,8 @@ import pytest
 from drivers.contracts.stage import StageContract
 from drivers.stage import Stage
 from drivers.zaber.stage import ZaberStage
-from tests.drivers.zaber_double import ZaberDouble
-from tests.drivers.zaber_stages import settings_of, skip_without_zaber
+from tests.drivers.zaber.zaber_double import ZaberDouble
+from tests.drivers.zaber.zaber_stages import settings_of, skip_without_zaber
 
 skip_without_zaber()
 

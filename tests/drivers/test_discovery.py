@@ -10,13 +10,13 @@ import pytest
 import serial
 
 from drivers import discovery, registry
+from drivers.device_settings import DeviceSettings
 from drivers.driver import DeviceState, Driver, FoundDevice
 from drivers.errors import DriverNotFoundError
 from drivers.scpi_light.discovery import find_instruments
-from drivers.serial_discovery import find_serial_ports
-from drivers.settings import DeviceSettings
-from tests.drivers.dc2200_double import Dc2200Double
-from tests.drivers.usbtmc_double import UsbBus, UsbTmcDevice
+from drivers.serial_link.discovery import find_serial_ports
+from tests.drivers.lights.dc2200_double import Dc2200Double
+from tests.drivers.lights.usbtmc_double import UsbBus, UsbTmcDevice
 
 
 @pytest.fixture

@@ -15,9 +15,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from tests.drivers.fake_genicam import ADDRESS, FakeGenicam
-from tests.drivers.grbl_double import GrblDouble
-from tests.drivers.lit_genicam import level
+from tests.drivers.genicam.fake_genicam import ADDRESS, FakeGenicam
+from tests.drivers.genicam.lit_genicam import level
+from tests.drivers.grbl.grbl_double import GrblDouble
 from tests.drivers.real_rigs import HEAD, SCPI
 
 ROOT = Path(__file__).parents[2]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from instrument.session.session import Session
-from tests.drivers.fake_genicam import skip_without_aravis
+from tests.drivers.genicam.fake_genicam import skip_without_aravis
 from tests.end_to_end.real_rig import PROTOCOL, RealRig, real_rig
 from tests.gui.told_console import ToldConsole
 

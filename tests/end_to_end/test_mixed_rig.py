@@ -11,10 +11,10 @@ import pytest
 import serial
 
 from instrument.session.session import Session
-from tests.drivers.fake_genicam import SERIAL_NUMBER, FakeGenicam, SecondClient
-from tests.drivers.grbl_double import GrblDouble
-from tests.drivers.lit_genicam import BLACK, RATE
-from tests.drivers.serial_light_double import SerialLightDouble
+from tests.drivers.genicam.fake_genicam import SERIAL_NUMBER, FakeGenicam, SecondClient
+from tests.drivers.genicam.lit_genicam import BLACK, RATE
+from tests.drivers.grbl.grbl_double import GrblDouble
+from tests.drivers.lights.serial_light_double import SerialLightDouble
 from tests.end_to_end.real_rig import RealRig, real_rig
 
 

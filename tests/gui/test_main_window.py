@@ -19,8 +19,8 @@ from drivers.camera import Frame
 from drivers.clock import RealClock
 from drivers.errors import DeviceError
 from drivers.limits import Limits
+from drivers.readback import Setting
 from drivers.registry import Devices
-from drivers.setting import Setting
 from drivers.simulated.camera import SimulatedCamera
 from drivers.simulated.devices import open_simulated
 from drivers.simulated.world import World

@@ -8,7 +8,7 @@ from pathlib import Path
 from drivers.errors import DeviceError, DeviceLostError
 from drivers.lease import LEVEL_LIMITS, check_lease, check_level
 from drivers.light import LightDescription, LightState
-from drivers.setting import Setting, confirm
+from drivers.readback import Setting, confirm
 from sysfs_led.settings import SysfsLedSettings
 
 

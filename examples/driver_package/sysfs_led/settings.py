@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from drivers.device_settings import DeviceSettings
 from drivers.lease import LONGEST_LEASE
-from drivers.settings import DeviceSettings
 
 
 class SysfsLedSettings(DeviceSettings):

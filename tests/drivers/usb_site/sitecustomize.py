@@ -18,8 +18,8 @@ from typing import Any
 
 def _bus(folder: Path) -> Any:
     # Imported where they are needed: every process with this folder on its path runs this file first.
-    from tests.drivers.dc2200_double import Dc2200Double  # noqa: PLC0415
-    from tests.drivers.usbtmc_double import UsbBus, UsbTmcDevice  # noqa: PLC0415
+    from tests.drivers.lights.dc2200_double import Dc2200Double  # noqa: PLC0415
+    from tests.drivers.lights.usbtmc_double import UsbBus, UsbTmcDevice  # noqa: PLC0415
 
     state = folder / "device.json"
     if not state.exists():

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from drivers.device_settings import settings_from_table
 from drivers.registry import KINDS, known_drivers, settings_of
-from drivers.settings import settings_from_table
 from instrument.config.loading import load_rig
 from instrument.files.validation import InvalidInputError
 from tests.drivers.real_rigs import GRBL, SCPI, SERIAL, rig_text

@@ -8,7 +8,7 @@ import pytest
 from drivers.errors import DeviceError
 from drivers.light import LightState
 from drivers.limits import Limits
-from drivers.setting import Setting, confirm
+from drivers.readback import Setting, confirm
 from instrument.rig.check import Finding, check_rig
 from instrument.rig.lock import RigBusyError, hold
 from tests.protocols.fakes import FakeBench, FakeCamera, FakeLight, FakeStage, rig_config

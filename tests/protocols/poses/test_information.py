@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.simulated.brdf import evaluate
-from drivers.simulated.materials import Microfacet, table
+from drivers.simulated.rendering.brdf import evaluate
+from drivers.simulated.rendering.materials import Microfacet, table
 from instrument.config.loading import load_rig
 from instrument.config.protocol import ChosenConfig
 from protocols.poses.information import Cases, expected_cases, gradient, information_vectors, prior_information

@@ -1,0 +1,1 @@
+"""What drivers of stages share: settings of an axis, and waiting for its motion."""

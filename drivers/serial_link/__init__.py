@@ -1,0 +1,1 @@
+"""Serial ports: which devices are there, and talking line by line."""
