@@ -11,13 +11,13 @@ Thorlabs, DC2200 Operation Manual 1.8 (2023), section 4.3.2.
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 from drivers.errors import DeviceError, UnsafeError
-from drivers.lease import LEVEL_LIMITS, check_lease, check_level
+from drivers.lease import LEVEL_LIMITS
 from drivers.light import LightDescription, LightState
+from drivers.lights.led_light import DARK, LedLight
 from drivers.scpi_light.dialogue import ScpiDialogue, ScpiSetting
 from drivers.scpi_light.settings import ScpiLightSettings, UsbAddress
 from drivers.scpi_light.transport import UsbTmc
@@ -39,10 +39,9 @@ _PROTECTIONS = (
     ("OUTPUT1:PROTECTION:TEMPERATURE:HEAD:TRIPPED?", "its LED head is too hot. Let it cool and look at its heat sink"),
     ("SOURCE1:CURRENT:LIMIT:TRIPPED?", "its current limit tripped. Look at the LED and its cable"),
 )
-_DARK = LightState(lit=False, level=0.0, monitor=math.nan, temperature=math.nan)
 
 
-class ScpiLight:
+class ScpiLight(LedLight):
     """One output of a LED controller.
 
     Parameters
@@ -55,83 +54,33 @@ class ScpiLight:
     """
 
     def __init__(self, settings: ScpiLightSettings, serial_number: str = "", backend: Any = None) -> None:
+        super().__init__(settings.longest_lease_s)
         self._settings = settings
         self._address = UsbAddress(settings.vendor_id, settings.product_id, serial_number)
         self._transport = UsbTmc(self._address, settings.answer_time_s, backend)
         self._dialogue = ScpiDialogue(self._transport)
-        self._description: LightDescription | None = None
 
-    def connect(self) -> None:
-        """Open the controller, dark, with the current limit of the settings; safe to call twice.
+    @property
+    def _is_open(self) -> bool:
+        return self._transport.is_open
 
-        Raises
-        ------
-        DeviceError
-            If it is not there, not allowed, busy or another device, or holds another limit; then nothing stays open.
-        """
-        if self._description is not None and self._transport.is_open:
-            return
+    @property
+    def _name(self) -> str:
+        return self.describe().serial_number
+
+    def _open(self) -> None:
         self._transport.open()
-        try:
-            self._description = self._identified()
-            self._start_dark()
-            self._dialogue.ensure(TERMINAL, self._settings.terminal)
-            self._dialogue.ensure(CURRENT_LIMIT, self._settings.max_current_a)
-            held = tuple(self._dialogue.read_back(setting) for setting in (CURRENT_LIMIT, TERMINAL))
-            self._description = replace(self._description, settings=held)
-        except BaseException:
-            self._forget()
-            raise
 
-    def disconnect(self) -> None:
-        """Switch off and close; safe to call twice, and without `connect`."""
-        try:
-            self.off()
-        finally:
-            self._forget()
+    def _close(self) -> None:
+        self._transport.close()
 
-    def describe(self) -> LightDescription:
-        """Return what the controller says that it is."""
-        return self._connected()
-
-    def on(self, level: float, max_seconds: float) -> LightState:
-        """Shine at `level` for at most `max_seconds`, then go dark unless told again.
-
-        Raises
-        ------
-        DeviceLimitError
-            If `level` is outside the limits, or `max_seconds` not positive, or longer than the settings allow.
-        UnsafeError
-            If the controller protects itself or its user: names why.
-        """
-        self._connected()
-        check_level(level)
-        check_lease(max_seconds, self._settings.longest_lease_s)
-        try:
-            return self._shine(level, max_seconds)
-        except BaseException:
-            # What went wrong first is the message; the pulse ends by itself if this fails too.
-            with suppress(DeviceError):
-                self._switch_off()
-            raise
-
-    def off(self) -> LightState:
-        """Go dark and confirm it by read-back; safe to call at any time."""
-        if self._description is None:
-            return _DARK
-        self._switch_off()
-        return self._state()
-
-    def read(self) -> LightState:
-        """Return the state as the controller reports it."""
-        self._connected()
-        return self._state()
-
-    def _start_dark(self) -> None:
-        if self.off().lit:
-            raise UnsafeError(f"the light {self._connected().serial_number} does not go off. Switch it off by hand")
+    def _prepared(self, description: LightDescription) -> LightDescription:
         # What went wrong before is not of this session.
         self._dialogue.command("*CLS")
+        self._dialogue.ensure(TERMINAL, self._settings.terminal)
+        self._dialogue.ensure(CURRENT_LIMIT, self._settings.max_current_a)
+        held = tuple(self._dialogue.read_back(setting) for setting in (CURRENT_LIMIT, TERMINAL))
+        return replace(description, settings=held)
 
     def _identified(self) -> LightDescription:
         identity = self._dialogue.ask("*IDN?")
@@ -172,19 +121,10 @@ class ScpiLight:
 
     def _state(self) -> LightState:
         if not self._dialogue.flag("OUTPUT1:STATE?"):
-            return _DARK
+            return DARK
         return LightState(True, self._dialogue.number(f"{BRIGHTNESS.header}?") / 100.0, math.nan, math.nan)
 
     def _check_protections(self) -> None:
         tripped = [remedy for question, remedy in _PROTECTIONS if self._dialogue.flag(question)]
         if tripped:
-            raise UnsafeError(f"the light {self._connected().serial_number} does not shine: {'; '.join(tripped)}")
-
-    def _connected(self) -> LightDescription:
-        if self._description is None:
-            raise DeviceError("the light is not connected. Call connect() first.")
-        return self._description
-
-    def _forget(self) -> None:
-        self._description = None
-        self._transport.close()
+            raise UnsafeError(f"the light {self._name} does not shine: {'; '.join(tripped)}")

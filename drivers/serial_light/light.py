@@ -10,17 +10,16 @@ import re
 import time
 from contextlib import suppress
 
-from drivers.errors import DeviceError, DeviceLostError, UnsafeError
-from drivers.lease import LEVEL_LIMITS, check_lease, check_level
+from drivers.errors import DeviceError, DeviceLostError
+from drivers.lease import LEVEL_LIMITS
 from drivers.light import LightDescription, LightState
+from drivers.lights.led_light import DARK, LedLight
 from drivers.serial_light.dialogue import QUIET_TIME, LineDialogue
 from drivers.serial_light.settings import SerialLightSettings
 from drivers.serial_link.port import SerialPort, usb_serial_number
 
-_DARK = LightState(lit=False, level=0.0, monitor=math.nan, temperature=math.nan)
 
-
-class SerialLight:
+class SerialLight(LedLight):
     """A LED driver that answers each line with a line; shines until it is told to stop.
 
     Parameters
@@ -29,73 +28,23 @@ class SerialLight:
     """
 
     def __init__(self, settings: SerialLightSettings) -> None:
+        super().__init__(settings.longest_lease_s)
         self._settings = settings
         self._port: SerialPort | None = None
         self._dialogue: LineDialogue | None = None
-        self._description: LightDescription | None = None
 
-    def connect(self) -> None:
-        """Open the port, dark; safe to call twice.
+    @property
+    def _is_open(self) -> bool:
+        return self._port is not None
 
-        Raises
-        ------
-        DeviceError
-            If the port is not there, not allowed, busy, or has another device on it; then nothing stays open.
-        """
-        if self._description is not None and self._port is not None:
-            return
+    @property
+    def _name(self) -> str:
+        return f"at {self._settings.port}"
+
+    def _open(self) -> None:
         self._port = SerialPort(self._settings.port, self._settings.baud_rate, QUIET_TIME)
         self._dialogue = LineDialogue(self._port, self._settings.answer_time_s)
-        try:
-            time.sleep(self._settings.boot_time_s)
-            self._description = self._identified()
-            if self.off().lit:
-                raise UnsafeError(f"the light at {self._settings.port} does not go off. Switch it off by hand")
-        except BaseException:
-            self._forget()
-            raise
-
-    def disconnect(self) -> None:
-        """Switch off and close; safe to call twice, and without `connect`."""
-        try:
-            self.off()
-        finally:
-            self._forget()
-
-    def describe(self) -> LightDescription:
-        """Return what the driver says that it is, with the serial number of its USB plug."""
-        return self._connected()
-
-    def on(self, level: float, max_seconds: float) -> LightState:
-        """Shine at `level`; after `max_seconds` the supervisor switches off.
-
-        Raises
-        ------
-        DeviceLimitError
-            If `level` is outside the limits, or `max_seconds` not positive, or longer than the settings allow.
-        """
-        self._connected()
-        check_level(level)
-        check_lease(max_seconds, self._settings.longest_lease_s)
-        try:
-            return self._shine(level)
-        except BaseException:
-            # What went wrong first is the message; the supervisor tries again if this fails too.
-            with suppress(DeviceError):
-                self._command(self._settings.off_command)
-            raise
-
-    def off(self) -> LightState:
-        """Go dark and confirm it by read-back; safe to call at any time."""
-        if self._description is None:
-            return _DARK
-        self._command(self._settings.off_command)
-        return self._state()
-
-    def read(self) -> LightState:
-        """Return the state as the driver reports it."""
-        self._connected()
-        return self._state()
+        time.sleep(self._settings.boot_time_s)
 
     def _identified(self) -> LightDescription:
         settings = self._settings
@@ -108,7 +57,11 @@ class SerialLight:
         # A driver without a USB plug of its own has no number but its name.
         return LightDescription("", identity, usb_serial_number(settings.port) or identity, LEVEL_LIMITS)
 
-    def _shine(self, level: float) -> LightState:
+    def _switch_off(self) -> None:
+        self._command(self._settings.off_command)
+
+    def _shine(self, level: float, max_seconds: float) -> LightState:
+        # After `max_seconds` the supervisor switches off.
         if level == 0.0:
             return self.off()
         self._command(self._settings.level_line(level))
@@ -129,7 +82,7 @@ class SerialLight:
         if match is None:
             raise self._senseless(question, answer, f"a line that matches {expected}")
         if match["lit"] is None:
-            return _DARK
+            return DARK
         try:
             level = float(match["level"]) / self._settings.full_level
         except ValueError:
@@ -157,15 +110,6 @@ class SerialLight:
             f"the light at {self._settings.port} answers {line!r} with {answer!r}; expected was {expected}. "
             "Look at the words in the rig file's [light.device]"
         )
-
-    def _connected(self) -> LightDescription:
-        if self._description is None:
-            raise DeviceError("the light is not connected. Call connect() first.")
-        return self._description
-
-    def _forget(self) -> None:
-        self._description = None
-        self._close()
 
     def _close(self) -> None:
         port, self._port, self._dialogue = self._port, None, None
