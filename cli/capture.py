@@ -32,10 +32,10 @@ faults_option = click.option("--faults", type=PATH, help="A script of faults, to
 def plan(protocol: Path, rig: Path, as_json: bool) -> None:
     """Say what capturing PROTOCOL (TOML or Python) would do: poses, time, bytes. Nothing moves or lights."""
     from instrument.config.loading import load_rig
-    from protocols.planning.estimate import dry_run
+    from protocols.planning.estimate import estimate
     from protocols.planning.python_protocol import load_any_protocol
 
-    outlook = dry_run(load_rig(rig), load_any_protocol(protocol))
+    outlook = estimate(load_rig(rig), load_any_protocol(protocol))
     click.echo(json.dumps(outlook.as_dict(), indent=2) if as_json else outlook.as_text())
 
 

@@ -18,7 +18,7 @@ COMMANDS = {
     "devices": ("cli.devices:devices", "What is attached, and whether it can be used."),
     "rig": ("cli.devices:rig", "Look at the devices of a rig."),
     "driver-test": ("cli.devices:driver_test", "Run the tests that every driver passes on a rig's devices."),
-    "plan": ("cli.capture:plan", "Dry run of a protocol: poses, frames, time, bytes."),
+    "plan": ("cli.capture:plan", "What a capture would take: poses, frames, time, bytes."),
     "capture": ("cli.capture:capture", "Capture a protocol on a rig into a session."),
     "resume": ("cli.capture:resume", "Go on with an interrupted session."),
     "session": ("cli.session:session", "Look at, verify, pack and export session files."),

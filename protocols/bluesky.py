@@ -1,4 +1,4 @@
-"""A rig as a facility's orchestrator sees it: devices of the shape of `bluesky.protocols`.
+"""A rig as devices for bluesky, the orchestrator of large facilities.
 
 Nothing here needs bluesky. The light is no device of its own: it shines within `FacilityBracket.trigger`, under a
 lease, so that a run that is paused and resumed can never take a frame in the dark.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.calibration.nominal import stated
+from analysis.calibration.nominal import nominal_setup
 from analysis.camera.calibration import CameraCalibration, footprint_mm, views_of
 from analysis.camera.view import View
 from analysis.light.flat_field import FlatField
@@ -63,7 +63,7 @@ def find_light(
 
     The offset is sought on a coarse grid of the area, since a few hundred pixels tell it.
     """
-    nominal = stated(session)
+    nominal = nominal_setup(session)
     views, footprint = views_of(camera), footprint_mm(camera)
     white = WhitePoints.beside(session.nominal.boards, camera.bundle.state.layout, legacy, nominal.area_mm, footprint)
     scout = _scout_grid(nominal.area_mm, footprint)

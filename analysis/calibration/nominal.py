@@ -1,4 +1,4 @@
-"""What somebody must have stated of a session before it can be calibrated."""
+"""What has to be configured of a session before it can be calibrated."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from instrument.session.session import Session
 
 
 @dataclass(frozen=True, slots=True)
-class Stated:
+class Nominal:
     """Nominal values of a session.
 
     Attributes
@@ -29,7 +29,7 @@ class Stated:
     light_offset_sigma_mm: NDArray[np.float64]
 
 
-def stated(session: Session) -> Stated:
+def nominal_setup(session: Session) -> Nominal:
     """Return the nominal values of a session.
 
     Raises
@@ -46,7 +46,7 @@ def stated(session: Session) -> Stated:
     assert area is not None
     assert offset is not None
     assert sigma is not None
-    return Stated(area, offset, sigma)
+    return Nominal(area, offset, sigma)
 
 
 def _missing(session: Session) -> Iterator[Problem]:

@@ -1,4 +1,4 @@
-"""Session to registered stack: calibrate, then resample view by view onto the sample plane, into the file."""
+"""Writes the registered stack of a session: calibrates it, then resamples view by view onto the sample plane."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.calibration.light import Lighting, evened, stack_geometry
-from analysis.calibration.nominal import stated
+from analysis.calibration.nominal import nominal_setup
 from analysis.calibration.session import Calibration, calibrate_session
 from analysis.camera.calibration import CameraCalibration, footprint_mm, views_of
 from analysis.radiometry.frames import MergedFrames
@@ -53,10 +53,10 @@ def register(session: Session, path: Path, pitch: float | None = None, stages: S
         If there is a file already.
     """
     stages = stages or Stages()
-    nominal = stated(session)
+    nominal = nominal_setup(session)
     frames = MergedFrames(session)
     calibration = calibrate_session(session, frames, stages)
-    assert calibration.camera is not None, "an area without boards is refused by `stated`"
+    assert calibration.camera is not None, "an area without boards is refused by `nominal_setup`"
     assert calibration.lighting is not None
     with stages.measure("registration"):
         as_fine_as_seen = round(GRID_PER_PIXEL * footprint_mm(calibration.camera), 3)

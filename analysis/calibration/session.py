@@ -1,4 +1,4 @@
-"""What a session's own pictures say of its rig: lens, poses, boards, light and the light's powers.
+"""Calibrates a session from its own pictures: lens, poses, boards, light and the light's powers.
 
 Frames are merged as often as they are needed, so that no more than one merged picture is in memory at a
 time, whatever the number of poses.

@@ -1,4 +1,4 @@
-"""What a calibration says of the boards themselves: pattern, size of the squares, flatness, place."""
+"""What a calibration finds of the boards: pattern, size of the squares, flatness, place."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the bundle starts: a plain lens, the poses of the views, and the places of boards that nobody stated."""
+"""First estimate for the bundle adjustment: a plain lens, poses, and the places of boards that are not configured."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Marker boards in a live picture, found fast: what is seen of them, and where it should be if they lie as stated."""
+"""Finds marker boards in a live picture, fast, and where they should be if they lie as configured."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of a reconstruction: against the truth where there is one, and on views left out of the fit."""
+"""Figures of a reconstruction: against the truth where there is one, and on views held out of the fit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many pixels of a stack through the per-pixel solver: threads, noise level, what a fit says of its samples."""
+"""Solves many pixels of a stack with the per-pixel solver, in threads; estimates their noise level."""
 
 from __future__ import annotations
 

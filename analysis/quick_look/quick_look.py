@@ -1,4 +1,4 @@
-"""Normals of a few thousand cells from the small pictures of a capture, while it runs: to see that all is well.
+"""Estimates normals of a few thousand cells from the previews of a capture while it runs.
 
 The per-pixel solver of the reconstruction, with everything left out that needs a calibration or takes long: views lie
 where the rig file says, cells have nothing to do with each other, and each starts from the plate's normal only. Its

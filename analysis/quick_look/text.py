@@ -1,4 +1,4 @@
-"""What a terminal shows of a quick look."""
+"""Prints a quick look for the terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The small pictures of a capture on the sample's plane, where the rig file says that it lies."""
+"""Previews of a capture on the sample plane, placed by the nominal poses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A few pixels of a few poses, for what need not be known of all."""
+"""Samples a few pixels of a few poses, for estimates that do not need all of them."""
 
 from __future__ import annotations
 

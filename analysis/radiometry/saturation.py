@@ -1,4 +1,4 @@
-"""Where a sensor clips, from the pile-up at the top of the histogram: metadata can be off.
+"""Finds the count at which a sensor clips from the pile-up at the top of the histogram.
 
 What clips piles up within fewer counts than shot noise would spread an even light over, and next to nothing
 lies above it. Amplifiers, pixels' full wells and a white balance make the pile-up a few counts wide and its

@@ -1,4 +1,4 @@
-"""Gain and read noise of a sensor whose maker does not state them, from a bracket."""
+"""Estimates gain and read noise of a sensor from a bracket, by photon transfer."""
 
 from __future__ import annotations
 

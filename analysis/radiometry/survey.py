@@ -1,4 +1,4 @@
-"""What the pictures of a session say of the camera: black, clipping, exposure times, noise, response."""
+"""Estimates black, clipping, exposure times, noise and response of a camera from the pictures of a session."""
 
 from __future__ import annotations
 

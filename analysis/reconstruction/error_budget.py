@@ -1,4 +1,4 @@
-"""Which error of the calibration reaches the normals, and how much of it: each source let loose by itself.
+"""Error budget: how much each error of the calibration adds to the normals.
 
 A sample of pixels is solved as it is, and again with one source disturbed by its stated standard deviation:
 the change of the normals is what the source contributes. No linearisation, and no model of the errors

@@ -1,4 +1,4 @@
-"""What a terminal shows of dictionaries."""
+"""Prints dictionaries for the terminal."""
 
 from __future__ import annotations
 

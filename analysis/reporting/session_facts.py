@@ -1,4 +1,4 @@
-"""What a report of a calibration needs of the session itself."""
+"""What a calibration report shows of the session itself."""
 
 from __future__ import annotations
 

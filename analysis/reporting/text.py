@@ -1,4 +1,4 @@
-"""What a terminal shows of a calibration and of a result."""
+"""Prints a calibration, a result and a pixel for the terminal."""
 
 from __future__ import annotations
 

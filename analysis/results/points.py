@@ -1,4 +1,4 @@
-"""What was measured at one pixel, as values of the BRDF at their half angles, beside the curve that was fitted."""
+"""Samples of one pixel as values of the BRDF at their half angles, next to the fitted curve."""
 
 from __future__ import annotations
 

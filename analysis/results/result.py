@@ -1,4 +1,4 @@
-"""The result file (`*.result.h5`): maps, the BRDF in a basis that describes itself, choices and provenance."""
+"""A result as a value: maps, the BRDF of every pixel in a basis, choices and figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Does a file hold what a result must? Judged before any of it is read."""
+"""Checks that a result file is complete, before any of it is read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results as HDF5 files."""
+"""Writes and reads results as HDF5 files (`*.result.h5`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a terminal shows of a run of the benchmark."""
+"""Prints a run of the benchmark for the terminal."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from instrument.config.rig import RigConfig
 from instrument.rig.rig import OpenDevices
 from protocols.capture import engine
 from protocols.capture.progress import Finish, Outcome
-from protocols.planning.estimate import Outlook, dry_run
+from protocols.planning.estimate import Outlook, estimate
 from protocols.planning.python_protocol import load_any_protocol
 
 
@@ -44,7 +44,7 @@ class CaptureModel(QObject):
 
     def plan(self, protocol: Path) -> None:
         """Say what a protocol would do."""
-        self._begin(lambda watch, control: dry_run(self._config, load_any_protocol(protocol), self._devices))
+        self._begin(lambda watch, control: estimate(self._config, load_any_protocol(protocol), self._devices))
 
     def start(self, protocol: Path, session: Path) -> None:
         """Capture a protocol into a new session."""

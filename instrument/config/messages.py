@@ -1,4 +1,4 @@
-"""From what pydantic found wrong to problems with a line, a key and what is allowed."""
+"""Turns what pydantic finds wrong into messages with a line, a key and what is allowed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs the reading of a file in a child process, since a damaged one can end, or stop for ever, whoever reads it."""
+"""Reads a file in a child process, since a damaged one can crash or stop its reader."""
 
 from __future__ import annotations
 

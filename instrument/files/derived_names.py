@@ -1,4 +1,4 @@
-"""Names of the files that are made of a session and lie beside it: `relief.h5` has `relief.stack.h5` and so on."""
+"""Names of the files that are made of a session and lie next to it: `relief.h5` has `relief.stack.h5` and so on."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Touches everything in a file that has ended readers before: texts in HDF5's heap, and packed values."""
+"""Reads all parts of a file that have crashed readers before: texts in the HDF5 heap, and packed values."""
 
 from __future__ import annotations
 

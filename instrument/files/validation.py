@@ -1,4 +1,4 @@
-"""Checks yield problems; a reader gathers them all and raises once."""
+"""Problems of an input: checks yield them, a reader gathers them all and raises once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Writes a file under a temporary name beside its place, hands it to the disk, and only then gives it its name.
+"""Writes files whole or not at all: under a temporary name, flushed, then renamed.
 
 Whatever fails on the way, nothing stays: neither half a file under the final name nor the temporary one
 (docs/decisions/0022). HDF5 files are written into it by `instrument.files.new_hdf5`.

@@ -1,4 +1,4 @@
-"""Puts the pictures of an import in their places: pose, exposure, exposure time."""
+"""Arranges the pictures of an import by pose and exposure."""
 
 from __future__ import annotations
 

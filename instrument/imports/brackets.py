@@ -1,4 +1,4 @@
-"""Which pictures make a pose, and which exposure of the session each of them is."""
+"""Groups pictures into brackets: which of them make a pose, and which exposure each of them is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From pictures that have been looked at to what their session holds from the start."""
+"""The header of an imported session, from the pictures that have been surveyed."""
 
 from __future__ import annotations
 

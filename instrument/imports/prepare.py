@@ -1,4 +1,4 @@
-"""Pictures of a folder become a session, whole or not at all."""
+"""Prepares the import of a folder of pictures; nothing is written yet."""
 
 from __future__ import annotations
 

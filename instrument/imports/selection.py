@@ -1,4 +1,4 @@
-"""From the tables of a `capture.toml` to the files that they name."""
+"""Selects the files that the tables of a `capture.toml` name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The camera of an import: what the files say, completed and corrected by what `capture.toml` states."""
+"""The camera of an import: what the files say, completed and corrected by `capture.toml`."""
 
 from __future__ import annotations
 

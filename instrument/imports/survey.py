@@ -1,4 +1,4 @@
-"""Looks at every picture once before anything is written: whether it is whole, and what it is."""
+"""Reads every picture once before anything is written: whether it is whole, and what it is."""
 
 from __future__ import annotations
 

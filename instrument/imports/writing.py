@@ -1,4 +1,4 @@
-"""Writes pictures that have been looked at into a session, one pose at a time."""
+"""Writes surveyed pictures into a session, one pose at a time."""
 
 from __future__ import annotations
 

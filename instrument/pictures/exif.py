@@ -1,4 +1,4 @@
-"""What a picture's file says of how it was taken."""
+"""Reads how a picture was taken from its EXIF data."""
 
 from __future__ import annotations
 

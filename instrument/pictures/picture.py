@@ -1,4 +1,4 @@
-"""A picture as its file holds it, and which reader takes which file."""
+"""A picture as its file holds it."""
 
 from __future__ import annotations
 

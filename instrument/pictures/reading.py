@@ -1,4 +1,4 @@
-"""Reads any picture, or says in one line why not."""
+"""Reads a picture of any known kind."""
 
 from __future__ import annotations
 

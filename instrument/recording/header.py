@@ -1,4 +1,4 @@
-"""All that is known about a session before its first pose, as plain values: no device and no configuration."""
+"""The header of a session: all that is known before its first pose, as plain values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Devices whose every call ends: in time, with an error, or when somebody calls the wait off.
+"""Puts a time limit on every call of a device; a wait can be cancelled.
 
 A driver may hang where its vendor's library does. Each call runs in a thread of its own, which is given up when
 its time is over; the light then goes out by its lease, and `Rig.safe` tries to stop what can still be stopped.

@@ -1,4 +1,4 @@
-"""Asks each device of a rig who it is, and lets it do a little: shine, move, take a frame."""
+"""Checks a rig: identifies each device, then shines, moves and takes a frame."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What there is to see of a raw frame: where it clips, is black, is sharp, how bright it is, and along a line."""
+"""Statistics of a raw frame: clipping, darkness, focus, brightness, and a profile along a line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where everything lies in a session file: each path, type, shape and unit, and the version of it all.
+"""The layout of a session file: path, type, shape and unit of each dataset, and the format version.
 
 The recorder, the reader, the checks and the tests import this; nobody else writes a path down.
 """

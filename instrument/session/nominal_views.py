@@ -1,4 +1,4 @@
-"""How the camera sees the sample at some poses as far as nobody has measured it: nominal places, an ideal lens."""
+"""Nominal views of the sample: poses as configured, seen through an ideal lens."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Opens a session file, or says why it is none, and reads single datasets with errors that name them."""
+"""Opens a session file and reads single datasets, with errors that name them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values that a session file gives back."""
+"""Records that a session file holds, as values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Does a file hold what a session must? Nothing large is read to find out."""
+"""Checks that a file has the structure of a session; reads nothing large."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Verifies a session that may be damaged in any way: says which poses are good, whatever else is lost."""
+"""Verifies a session that may be damaged in any way, and lists the poses that are good."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from instrument.files.validation import InvalidInputError, Problem
 from instrument.session import layout
 from instrument.session.reader import open_hdf5, refuse_foreign
 from instrument.session.structure import structure_problems
-from instrument.session_tools.cut_short import missing_bytes, open_cut_short
+from instrument.session_tools.truncated import missing_bytes, open_cut_short
 from instrument.session_tools.verify import PoseJournal, content_problems, pose_problems
 
 MAX_ENDINGS = 8

@@ -1,4 +1,4 @@
-"""Writes a session again as a smaller file of the same content, or says why not."""
+"""Copies a session into a smaller file of the same content."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A session in a few words, for lists and for other programs."""
+"""Summarises a session, for lists and for other programs."""
 
 from __future__ import annotations
 

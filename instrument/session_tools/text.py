@@ -1,4 +1,4 @@
-"""What a terminal shows of sessions."""
+"""Prints sessions for the terminal."""
 
 from __future__ import annotations
 

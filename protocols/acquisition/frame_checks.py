@@ -1,4 +1,4 @@
-"""Holds pictures against each other: were they lit, do they belong together, is it dark again."""
+"""Checks frames of a bracket against each other: were they lit, do they belong together."""
 
 from __future__ import annotations
 

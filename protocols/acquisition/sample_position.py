@@ -1,4 +1,4 @@
-"""Was the sample moved since a session was interrupted? A pose that it holds is photographed again."""
+"""Checks that the sample was not moved since a session was interrupted, by a frame of a captured pose."""
 
 from __future__ import annotations
 

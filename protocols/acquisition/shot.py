@@ -1,4 +1,4 @@
-"""Takes single frames in the light, and believes nothing that the devices do not confirm."""
+"""Takes single frames in the light; every setting is confirmed by read-back."""
 
 from __future__ import annotations
 

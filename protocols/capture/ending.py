@@ -1,4 +1,4 @@
-"""How a run ends: the rig safe first, then the file closed, then a message that says how to go on."""
+"""Ends a run: makes the rig safe, closes the file, and says how to go on."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Captures a protocol into a session, and goes on with a session that was interrupted."""
+"""Captures a protocol into a session, and resumes a session that was interrupted."""
 
 from __future__ import annotations
 

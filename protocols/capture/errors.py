@@ -1,4 +1,4 @@
-"""How a capture stops before its end."""
+"""Errors that stop a capture before its end."""
 
 from __future__ import annotations
 

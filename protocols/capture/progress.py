@@ -1,4 +1,4 @@
-"""What a running capture tells whoever watches it, and how it ended."""
+"""Progress of a capture, for those who watch it, and its outcome."""
 
 from __future__ import annotations
 

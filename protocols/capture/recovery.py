@@ -1,4 +1,4 @@
-"""Repeats what a device spoiled, after everything was made safe and what got lost was connected again."""
+"""Retries a step of a capture after a device fault."""
 
 from __future__ import annotations
 

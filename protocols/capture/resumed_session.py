@@ -1,4 +1,4 @@
-"""What a session that was begun says about how to go on with it."""
+"""Reads from an interrupted session what is needed to resume it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a session says before its first pose, from a connected rig, a protocol and its plan."""
+"""The header of a new session, from a connected rig, a protocol and its plan."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What whoever watches a capture sees of a pose: thumbnails of the bracket and a preview."""
+"""Thumbnails of a bracket and a preview of the pose, for those who watch a capture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Holds each pose against what the capture began with: the light, the sensor's temperature, clipped pixels."""
+"""Warns when the light, the temperature of the sensor or clipping differ from the start of a capture."""
 
 from __future__ import annotations
 

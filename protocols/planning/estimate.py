@@ -1,4 +1,4 @@
-"""What a capture would take, without a motion or a flash."""
+"""Estimates time and size of a capture, without moving or lighting anything."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ class Outlook:
         return "\n".join(lines)
 
 
-def dry_run(rig_config: RigConfig, protocol_config: ProtocolConfig, devices: OpenDevices = open_devices) -> Outlook:
+def estimate(rig_config: RigConfig, protocol_config: ProtocolConfig, devices: OpenDevices = open_devices) -> Outlook:
     """Connect to the rig, check the protocol against its limits, and estimate the capture.
 
     Raises

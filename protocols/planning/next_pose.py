@@ -1,4 +1,4 @@
-"""The one pose that would tell most beside those that were taken."""
+"""Chooses the one pose that would add most to those taken."""
 
 from __future__ import annotations
 

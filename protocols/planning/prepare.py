@@ -1,4 +1,4 @@
-"""From a protocol to a plan that a connected rig can carry out, or all the reasons why it cannot."""
+"""Makes a plan of a protocol for a connected rig, or reports all reasons why it cannot be carried out."""
 
 from __future__ import annotations
 

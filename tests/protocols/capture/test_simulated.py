@@ -18,7 +18,7 @@ from instrument.config.rig import RigConfig
 from instrument.session.layout import Status
 from instrument.session.session import Session
 from protocols.capture.engine import Finish, Progress, capture, resume
-from protocols.planning.estimate import FRAME_OVERHEAD, dry_run
+from protocols.planning.estimate import FRAME_OVERHEAD, estimate
 from tests.verifying import verify_session
 
 RIG = """
@@ -139,6 +139,6 @@ def test_the_estimated_time_is_within_a_tenth_of_the_simulated_one(
 
     clock = VirtualClock()
     capture(rig, protocol, tmp_path / "s.h5", devices=timed)
-    outlook = dry_run(rig, protocol)
+    outlook = estimate(rig, protocol)
     overhead = FRAME_OVERHEAD * (outlook.n_frames + outlook.n_poses + outlook.n_darks)
     assert outlook.seconds - overhead == pytest.approx(clock.now(), rel=0.1)

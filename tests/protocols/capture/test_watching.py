@@ -14,7 +14,7 @@ from protocols.capture import run
 from protocols.capture.engine import Control, Finish, Progress, capture, resume
 from protocols.capture.progress import News, PoseBegun, PoseTaken
 from protocols.capture.thumbnails import MAX_WIDTH, thumbnails
-from protocols.planning.estimate import dry_run
+from protocols.planning.estimate import estimate
 from protocols.planning.planned_poses import PlannedPoses
 from protocols.planning.session_rig import planned_poses_of
 from protocols.poses.nominal_geometry import lens_and_light
@@ -137,8 +137,8 @@ def test_a_thumbnail_is_small_and_goes_from_black_to_clipped(shape: tuple[int, i
     assert (small[1] == 255).all()
 
 
-def test_a_dry_run_hands_over_the_poses_and_no_word_of_them_in_its_dictionary() -> None:
-    outlook = dry_run(rig_config(), protocol_config(), FakeBench().devices)
+def test_an_estimate_hands_over_the_poses_and_no_word_of_them_in_its_dictionary() -> None:
+    outlook = estimate(rig_config(), protocol_config(), FakeBench().devices)
     assert outlook.planned is not None
     assert outlook.planned.n_poses == outlook.n_poses == 2
     assert (outlook.planned.height, outlook.planned.width) == (HEIGHT, WIDTH)

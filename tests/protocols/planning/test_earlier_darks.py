@@ -12,7 +12,7 @@ from instrument.files.validation import InvalidInputError
 from instrument.session import layout
 from instrument.session.session import Session
 from protocols.capture.engine import Finish, Outcome, capture
-from protocols.planning.estimate import dry_run
+from protocols.planning.estimate import estimate
 from tests.faults.bench import FaultyBench, rig_config
 from tests.verifying import verify_session
 
@@ -110,7 +110,7 @@ def test_darks_of_another_camera_or_of_no_session_are_refused(tmp_path: Path, ke
 
 
 def test_another_rig_file_than_that_of_the_darks_is_a_warning(tmp_path: Path, kept: Path) -> None:
-    outlook = dry_run(rig_config(level=0.5), sweep(kept), FaultyBench().devices)
+    outlook = estimate(rig_config(level=0.5), sweep(kept), FaultyBench().devices)
     assert "the rig file was changed since" in outlook.warnings[0]
     assert f"of {kept}, 0.0 h old" in outlook.as_text()
     outcome = captured(sweep(kept), tmp_path / "s.h5", level=0.5)

@@ -94,7 +94,7 @@ def test_a_bound_that_cannot_be_kept_is_refused_with_what_would_help(tmp_path: P
     assert not (tmp_path / "s.h5").exists()
 
 
-def test_a_dry_run_of_a_metered_bracket_lights_nothing() -> None:
+def test_an_estimate_of_a_metered_bracket_lights_nothing() -> None:
     with Rig.connected(rig_config(), open_devices) as rig:
         prepared = prepare(rig, protocol(noise=0.02, most_exposures=4))
         assert len(prepared.plan.exposure_times) == 4

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from instrument.config.loading import ProtocolConfig
 from instrument.files.validation import InvalidInputError
-from protocols.planning.estimate import dry_run
+from protocols.planning.estimate import estimate
 from protocols.planning.plan import Plan
 from tests.protocols.fakes import FakeBench, protocol_config, rig_config
 
@@ -70,9 +70,9 @@ def test_a_text_that_is_no_plan_is_refused(text: str) -> None:
         Plan.from_json(text)
 
 
-def test_a_dry_run_counts_poses_frames_bytes_and_seconds_without_a_motion() -> None:
+def test_an_estimate_counts_poses_frames_bytes_and_seconds_without_a_motion() -> None:
     bench = FakeBench()
-    outlook = dry_run(rig_config(), protocol_config(count=4), bench.devices)
+    outlook = estimate(rig_config(), protocol_config(count=4), bench.devices)
     assert (outlook.n_poses, outlook.n_frames, outlook.n_darks) == (4, 8, 4)
     assert outlook.light_on_seconds == pytest.approx(0.44)
     # Moves of the fake stage: 10 deg, then three of 90 deg at 10 deg/s. A pose takes two frames and a short one that
@@ -92,4 +92,4 @@ def test_a_way_longer_than_the_stage_reaches_from_zero_is_estimated_all_the_same
             "poses": ({"axes": {"tilt": -50.0}}, {"axes": {"tilt": 50.0}}),
         }
     )
-    assert dry_run(rig_config(), protocol, FakeBench().devices).seconds > 15
+    assert estimate(rig_config(), protocol, FakeBench().devices).seconds > 15

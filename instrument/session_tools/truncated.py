@@ -1,4 +1,4 @@
-"""Reads on in a session whose end is missing, as after a power loss, without changing a byte of it."""
+"""Reads a truncated session, as after a power loss, without changing a byte of it."""
 
 from __future__ import annotations
 
