@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from instrument.files.validation import InvalidInputError, Problem
-from instrument.files.whole_file import written_whole
+from instrument.files.whole_file import refuse_unreadable, written_whole
 from instrument.imports.arrangement import Frame
 from instrument.imports.header import pictures_beside, session_header
 from instrument.imports.prepare import Import
@@ -22,6 +22,7 @@ from instrument.recording.recorder import Recorder
 from instrument.session import layout
 from instrument.session.layout import Status
 from instrument.session.records import PoseRecord
+from instrument.session.session import Session
 
 
 def write_import(prepared: Import, path: Path, watch: Watcher = lambda done, total, name: None) -> None:
@@ -50,6 +51,8 @@ def write_import(prepared: Import, path: Path, watch: Watcher = lambda done, tot
             _write_poses(recorder, prepared, watch)
             _write_beside(recorder, prepared)
             recorder.close(Status.COMPLETE)
+        # Structure alone: each frame was hashed when it was written, and to unpack all of them again takes long.
+        refuse_unreadable(path, part, lambda written: Session(written).close())
 
 
 def _write_poses(recorder: Recorder, prepared: Import, watch: Watcher) -> None:

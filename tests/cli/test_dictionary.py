@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
+from analysis.reflectance import dictionary_file
 from analysis.reflectance.atoms import TabulatedAtom, published
 from analysis.reflectance.dictionary import by_name
 from analysis.reflectance.dictionary_file import MaterialTables, read_dictionary, write_dictionary
@@ -251,3 +252,7 @@ def test_a_file_that_is_no_dictionary_is_refused(tmp_path: Path) -> None:
     assert refusal(tmp_path / "notes.h5") == {str(tmp_path / "notes.h5")}
     write_stack(tmp_path / "area.stack.h5", make_stack(n_views=4, size=4))
     assert "/entry/materials/name" in refusal(tmp_path / "area.stack.h5")
+
+
+def test_the_room_that_is_taken_for_a_dictionary_holds_it(tables: MaterialTables, built: Path) -> None:
+    assert built.stat().st_size <= dictionary_file._most_bytes(tables)

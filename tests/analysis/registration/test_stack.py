@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from analysis.pixels.problem import samples_of
+from analysis.registration import stack_file
 from analysis.registration.stack import Stack
-from analysis.registration.stack_file import read_stack, write_stack
+from analysis.registration.stack_file import read_stack, write_stack, write_truth
 from instrument.files.validation import InvalidInputError
 from tests.synthetic import make_stack
 
@@ -297,3 +298,29 @@ def test_a_truncated_file_is_told(path: Path, share: float):
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
     assert "damaged" in refusal(path).problems[0].what
+
+
+def test_a_stack_that_its_reader_would_refuse_is_not_written(small: Stack, tmp_path: Path):
+    behind_the_sample = small.camera_position * [1.0, 1.0, -1.0]
+    with pytest.raises(
+        InvalidInputError, match=r"a\.stack\.h5 is not written: .*\n.*camera_position: views .* lie behind"
+    ):
+        write_stack(tmp_path / "a.stack.h5", replace(small, camera_position=behind_the_sample))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_truth_is_added_and_all_else_stays(small: Stack, tmp_path: Path):
+    assert small.truth is not None
+    write_stack(tmp_path / "a.stack.h5", replace(small, truth=None))
+    write_truth(tmp_path / "a.stack.h5", small.truth)
+    assert_same(read_stack(tmp_path / "a.stack.h5"), small)
+    assert list(tmp_path.iterdir()) == [tmp_path / "a.stack.h5"]
+
+
+@pytest.mark.parametrize(("n_views", "size"), [(1, 1), (5, 6), (200, 3)])
+def test_the_room_that_is_taken_for_a_stack_holds_it(tmp_path: Path, n_views: int, size: int):
+    stack = make_stack(n_views=n_views, size=size)
+    notes = {"calibration": '{"a": "%s"}' % ("b" * 50_000), "session_digest": "c"}
+    written = replace(stack, saturated=np.ones(stack.radiance.shape, np.uint8), notes=notes)
+    write_stack(tmp_path / "a.stack.h5", written)
+    assert (tmp_path / "a.stack.h5").stat().st_size <= stack_file._most_bytes(written)

@@ -14,6 +14,7 @@ from analysis.reflectance.dictionary import AnyAtom, Atom, Dictionary, Tabulated
 from analysis.reflectance.models import Cosines
 from analysis.registration.stack import Stack
 from analysis.registration.stack_file import write_stack
+from analysis.results import result_file
 from analysis.results.result import FLAG_NAMES, MODEL_NAMES, Result, diffuse_albedo, model_used, result_of
 from analysis.results.result_file import read_result, write_result
 from analysis.stages import Stage
@@ -189,6 +190,31 @@ def tabulated_path(tabulated: Result, tmp_path: Path) -> Path:
     path = tmp_path / "tables.result.h5"
     write_result(path, tabulated)
     return path
+
+
+@pytest.mark.parametrize("kind", ["result", "tabulated"])
+def test_the_room_that_is_taken_for_a_result_holds_one_that_does_not_pack(
+    request: pytest.FixtureRequest, tmp_path: Path, kind: str
+):
+    made: Result = request.getfixturevalue(kind)
+    rng = np.random.default_rng(0)
+
+    def noise(values: np.ndarray) -> np.ndarray:
+        return rng.uniform(0.5, 1.0, values.shape)
+
+    fits = replace(made.fits, coefficient=noise(made.fits.coefficient), reduced_chi2=noise(made.fits.reduced_chi2))
+    result = replace(made, fits=replace(fits, covariance=noise(fits.covariance)), depth=noise(made.depth))
+    # Several sizes, for HDF5 cuts maps into chunks that go beyond them.
+    for n in (1, 2, 3):
+        height = made.grid.height // n
+        first = np.arange(height * made.grid.width)
+        maps = {name: getattr(result, name)[:height] for name in ("depth", "depth_sigma")}
+        error = None if result.truth_error is None else result.truth_error[:height]
+        part = replace(
+            result, fits=result.fits.select(first), grid=replace(made.grid, height=height), truth_error=error, **maps
+        )
+        write_result(tmp_path / f"{n}.result.h5", part)
+        assert (tmp_path / f"{n}.result.h5").stat().st_size <= result_file._most_bytes(part)
 
 
 def test_tables_read_back_exactly(tabulated: Result, tabulated_path: Path):

@@ -1,5 +1,8 @@
 """A packed session is smaller, and the same in every value."""
 
+import errno
+import fcntl
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -123,3 +126,15 @@ def test_a_difference_in_any_value_type_name_or_link_is_found(
         f"{layout.COUNT_TIME.path}@units",
         "/",
     } <= found
+
+
+def test_where_there_are_no_locks_a_session_is_packed(
+    session_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_locks(*_: object) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, "flock", no_locks)
+    pack_session(session_path, tmp_path / "packed.h5")
+    assert list(verify_session(tmp_path / "packed.h5")) == []
+    assert list(tmp_path.iterdir()) == [tmp_path / "packed.h5"]
