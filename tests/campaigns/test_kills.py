@@ -71,7 +71,6 @@ def test_a_capture_that_is_killed_at_any_time_resumes_to_the_frames_of_a_whole_o
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_200_of_200_captures_that_are_killed_at_any_time_resume_to_the_frames_of_a_whole_one(
     tmp_path: Path, whole: tuple[dict[str, object], float]
 ) -> None:

@@ -21,7 +21,6 @@ def run(*arguments: str | Path) -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_a_run_writes_rows_picture_and_page_and_compares_with_an_earlier_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -116,7 +116,7 @@ def test_a_full_disk_is_found_before_the_capture(
 ) -> None:
     monkeypatch.setattr(Plan, "bytes", lambda *_: 10**18)
     assert exit_code(["capture", *files, "-o", str(tmp_path / "s.h5")]) == 2
-    assert re.search(r"has \d+ MB free; the capture needs up to \d+ MB", capsys.readouterr().err)
+    assert re.search(r"disk full; it needs up to [\d.]+ GB, and [\d.]+ [MG]B are free", capsys.readouterr().err)
     assert not (tmp_path / "s.h5").exists()
 
 

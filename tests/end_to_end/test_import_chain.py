@@ -25,7 +25,7 @@ from instrument.session.session import Session
 from protocols.capture.engine import capture
 from tests.end_to_end.test_chain import run
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(1500)]
+pytestmark = pytest.mark.slow
 
 RIGS = {
     "light at 12 mm": {"light_offset_mm": (12.6, -1.1, 0.4), "distortion": (-0.08, 0.05), "warm_up_drift": 0.02},

@@ -163,7 +163,7 @@ def hold_rig(flag: str) -> None:
     """Hold the rig until killed (in a process of its own); `flag` is a file to say that it is held."""
     with Rig.connected(rig_config(), FaultyBench().devices):
         Path(flag).touch()
-        time.sleep(60.0)
+        time.sleep(3600.0)
 
 
 def capture_on_full_disk(path: str, said: str, n_bytes: int, others: Path | None) -> None:

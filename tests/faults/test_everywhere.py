@@ -92,7 +92,6 @@ def unnoticed(path: Path, fault: Fault) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 @pytest.mark.usefixtures("impatient")
 @pytest.mark.parametrize(("device", "call"), [(device, call) for device, calls in CALLS.items() for call in calls])
 def test_every_fault_at_every_call_is_survived(

@@ -147,6 +147,5 @@ def test_any_short_story_of_interruptions_keeps_the_data(whole: dict[str, object
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_any_story_of_interruptions_keeps_the_data(whole: dict[str, object]) -> None:
     run_machine(whole, n_examples=40, n_steps=8)

@@ -40,7 +40,6 @@ def test_mutated_files_are_fine_or_refused_or_contained(sources: dict[str, Path]
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_thousands_of_mutated_files_end_no_reader(sources: dict[str, Path], tmp_path: Path) -> None:
     jobs = []
     with ThreadPoolExecutor(2) as pool:

@@ -65,7 +65,6 @@ def test_without_the_photographs_the_real_experiment_is_skipped(monkeypatch: pyt
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", ["traits", "cameras", "real"])
 def test_each_finds_something_and_draws_it(name: str, tmp_path: Path):
     try:

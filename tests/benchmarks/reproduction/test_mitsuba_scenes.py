@@ -225,7 +225,6 @@ def _lambertian(points: np.ndarray, light: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1500)
 def test_the_chain_finds_the_normals_of_a_scene_that_mitsuba_rendered(tmp_path: Path) -> None:
     if what := missing():
         pytest.skip(what)

@@ -27,7 +27,6 @@ def test_a_simulated_sample_shows_its_true_curves_and_is_lit_where_it_is_seen() 
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_25_chosen_poses_give_better_normals_than_25_on_rings() -> None:
     sample, views = simulated_sample(RIG, "relief", 5), {some.name: some for some in all_views(RIG)}
     rings, chosen = (figures_of_stack(sample, views[name]) for name in ("25 on rings", "25 chosen"))

@@ -19,7 +19,7 @@ from tests.gui.test_main_window import bench, window
 __all__ = ["bench", "window"]
 
 # Each step is the command itself, on a session of a real size.
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(480)]
+pytestmark = pytest.mark.slow
 
 
 def test_a_session_becomes_a_result_whose_points_show_their_samples(window: MainWindow, qtbot: QtBot, tmp_path: Path):

@@ -1,5 +1,4 @@
 import threading
-import time
 
 import pytest
 
@@ -16,20 +15,22 @@ def test_what_returns_in_time_is_returned_and_what_raises_is_raised() -> None:
 
 
 def test_what_never_returns_is_given_up_in_time() -> None:
-    never, began = threading.Event(), time.monotonic()
+    never = threading.Event()
     with pytest.raises(DeviceTimeoutError, match=r"camera: frame did not end within 0.2 s"):
         within(0.2, "camera: frame", never.wait)
-    assert time.monotonic() - began < 1.0
     never.set()
 
 
 def test_a_wait_is_called_off_from_another_thread() -> None:
     never, cancel = threading.Event(), threading.Event()
-    threading.Timer(0.1, cancel.set).start()
-    began = time.monotonic()
+
+    def begun() -> None:
+        cancel.set()
+        never.wait()
+
+    # Nothing else would end it: the limit is an hour.
     with pytest.raises(CancelledError):
-        within(30.0, "stage: move", never.wait, cancel)
-    assert time.monotonic() - began < 1.0
+        within(3600.0, "stage: move", begun, cancel)
     never.set()
 
 
