@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cli.output import FILE, FINISHED_WITH_WARNINGS, check_new, quiet_option
+from cli.output import FILE, FINISHED_WITH_WARNINGS, FiniteRange, check_new, quiet_option
 from cli.progress import stage_bars
 from instrument.files.json_file import write_json
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @click.option("-o", "--output", type=FILE, help="Registered stack to write; without it the calibration is told only.")
 @click.option(
     "--pitch",
-    type=click.FloatRange(min=0.001),
+    type=FiniteRange(min=0.001),
     help="Size of a pixel of the stack, mm [default: as fine as the pictures].",
 )
 @click.option("--report", "page", type=FILE, help="HTML page of checks, pictures and parameters to write.")

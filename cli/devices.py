@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cli.output import PATH, check_new, json_option
+from cli.output import PATH, FiniteRange, check_new, json_option
 from instrument.files.validation import LINE_BREAK, printable
 
 if TYPE_CHECKING:
@@ -83,7 +83,9 @@ def safe(rig_file: Path) -> None:
 
 @rig.command(epilog="Example: halfangle rig frame examples/simulated.toml --exposure-time 0.02 -o frame.png")
 @rig_argument
-@click.option("--exposure-time", default=0.01, show_default=True, help="Seconds.")
+@click.option(
+    "--exposure-time", type=FiniteRange(min=0.0, min_open=True), default=0.01, show_default=True, help="Seconds."
+)
 @click.option("--region", type=int, nargs=4, metavar="TOP LEFT BOTTOM RIGHT", help="What the numbers are of, pixels.")
 @click.option("-o", "--output", type=PATH, help="Picture of the raw counts to write (PNG, TIFF).")
 @json_option

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cli.output import FILE, FOLDER, check_new
+from cli.output import FILE, FOLDER, FiniteRange, check_new
 
 if TYPE_CHECKING:
     pass
@@ -26,32 +26,16 @@ halfangle import --registered card --positions positions.csv --width-mm 68.48 --
 @click.argument("folder", type=FOLDER)
 @click.option("-o", "--output", type=FILE, help="Session (or registered stack) to write; FOLDER.h5 by default.")
 @click.option(
-    "--capture",
-    "capture_file",
-    type=FILE,
-    help="What the pictures do not say themselves; FOLDER/capture.toml by default.",
+    "--capture", "capture_file", type=FILE, help="What the pictures do not say; FOLDER/capture.toml by default."
 )
 @click.option("--init", is_flag=True, help="Write FOLDER/capture.toml, filled in as far as the pictures tell.")
 @click.option("--registered", is_flag=True, help="The pictures are registered to the sample plane: make a stack.")
+@click.option("--positions", type=FILE, help="With --registered: CSV of camera (and light) a picture; also in FOLDER.")
 @click.option(
-    "--positions",
-    type=FILE,
-    help="With --registered: CSV of the camera's (and light's) position per picture; looked for in FOLDER too.",
+    "--width-mm", type=FiniteRange(min=0.001), help="With --registered: width of the area that pictures show."
 )
-@click.option(
-    "--width-mm", type=click.FloatRange(min=0.001), help="With --registered: width of the area that a picture shows."
-)
-@click.option(
-    "--gamma",
-    type=click.FloatRange(min=0.1, max=5.0),
-    help="With --registered: display gamma of the pictures; 1 if they are linear.",
-)
-@click.option(
-    "--bin",
-    "binning",
-    type=click.IntRange(min=1),
-    help="With --registered: average squares of so many pixels a side; 1 by default.",
-)
+@click.option("--gamma", type=FiniteRange(0.1, 5.0), help="With --registered: display gamma; 1 if they are linear.")
+@click.option("--bin", "binning", type=click.IntRange(1), help="With --registered: average squares of so many pixels.")
 def import_pictures(
     folder: Path,
     output: Path | None,

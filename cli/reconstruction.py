@@ -10,7 +10,7 @@ from typing import Any, get_args
 import click
 
 from analysis.reconstruction.options import Accuracy, Field, Light, Options, Palette, Parallax, Power
-from cli.output import FILE, check_new, json_file_option, parse_position, quiet_option
+from cli.output import FILE, FiniteRange, check_new, json_file_option, parse_position, quiet_option
 from cli.progress import stage_bars
 from instrument.files.json_file import write_json
 from instrument.files.validation import InvalidInputError, Problem
@@ -39,7 +39,7 @@ _FIELD = "Whether each pixel has its own directions and fall-off, or that of the
 @_one_of("--power", Power, "auto", _POWER)
 @_one_of("--field", Field, "auto", _FIELD)
 @click.option("--independent", is_flag=True, help="Pixels have nothing to do with each other: no depth.")
-@click.option("--pitch", type=click.FloatRange(min=0.001), help="For a session: size of a pixel, mm.")
+@click.option("--pitch", type=FiniteRange(min=0.001), help="For a session: size of a pixel, mm.")
 @click.option("--left-out", type=click.IntRange(0), default=6, show_default=True, help="Views to hold out and predict.")
 @click.option("--threads", type=click.IntRange(min=1), help="[default: all processors]")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the pixels drawn for evidence.")
@@ -67,7 +67,7 @@ def reconstruct(
 @click.argument("result", type=FILE)
 @click.option("--camera", required=True, metavar="X,Y,Z", help="Sample frame, mm.")
 @click.option("--light", required=True, metavar="X,Y,Z", help="Sample frame, mm.")
-@click.option("--light-power", type=click.FloatRange(min=0.0), default=1.0, show_default=True, help="As in the stack.")
+@click.option("--light-power", type=FiniteRange(min=0.0), default=1.0, show_default=True, help="As in the stack.")
 @click.option(
     "-o", "--output", type=FILE, required=True, help="Picture to write: .exr or .npy (linear) or .png (display)."
 )

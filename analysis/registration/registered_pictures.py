@@ -22,9 +22,26 @@ UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 LINEAR_SUFFIXES = (".exr", ".npy")
 
-_CLIPPED_8_BIT = 254.5 / 255.0
+MIN_SIDE = 2
+"""Pixels; a single row or column has no relief to find."""
 
 _RELATIVE_NOISE = 0.005  # shot noise of a consumer sensor in a bright pixel; the solver finds the rest
+_FLOAT_STEP = 1e-4  # of the typical radiance: what a picture of floating-point numbers may be off in its dark
+
+_CLOSEST = 0.2
+"""Distance of a camera over the width of the area, below which its unit must be wrong: it would see 136 deg."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Picture:
+    """Values of a picture, shape (height, width, 1 or 3) in R, G, B.
+
+    `step` is from one value to the next where the file holds whole numbers, whose largest is made 1; 0 for
+    floating-point numbers, which nothing says to be clipped.
+    """
+
+    values: NDArray[np.float32]
+    step: float
 
 
 @dataclass(frozen=True)
@@ -59,7 +76,8 @@ def import_registered(folder: Path, positions: Path, width_mm: float, gamma: flo
         Holds the pictures that the table names.
     positions : Path
         CSV with a header: ``file``, ``camera_x_mm``, ``camera_y_mm``, ``camera_z_mm`` (or ``_cm``, ``_m``) and
-        optionally ``light_x_mm`` ...; without a light it is where the camera is.
+        optionally ``light_x_mm``, ``light_y_mm``, ``light_z_mm``; without a light it is where the camera is. Tables
+        with semicolons may have decimal commas.
     width_mm : float
         Width of the area that a picture shows.
     gamma : float or None
@@ -74,12 +92,17 @@ def import_registered(folder: Path, positions: Path, width_mm: float, gamma: flo
         With everything that is wrong with the table and the pictures, by line.
     """
     title = f"{folder} cannot be imported."
+    if not (np.isfinite(width_mm) and width_mm > 0.0):
+        raise_if_any(title, [Problem("width_mm", f"is {width_mm}; must be a positive number of mm")])
     placements, problems = read_positions(positions)
-    raise_if_any(title, problems)
+    raise_if_any(title, problems or _distance_problems(positions, placements, width_mm))
     raise_if_any(title, _picture_problems(folder, positions, placements, gamma))
     pictures = [_read_picture(folder / p.file) for p in placements]
     raise_if_any(title, _size_problems(positions, placements, pictures, binning))
-    linear, variance, clipped = zip(*(_linearise(picture, gamma or 1.0, binning) for picture in pictures), strict=True)
+    level = float(np.median(np.concatenate([p.values[::7, ::7].ravel() for p in pictures])))
+    linear, variance, clipped = zip(
+        *(_linearise(picture, gamma or 1.0, binning, level) for picture in pictures), strict=True
+    )
     camera = np.stack([p.camera for p in placements])
     return Stack(
         radiance=np.stack(linear),
@@ -88,41 +111,96 @@ def import_registered(folder: Path, positions: Path, width_mm: float, gamma: flo
         camera_position=camera,
         light_position=np.stack([p.light for p in placements]),
         light_power=np.ones(len(placements)),
-        pixel_pitch=width_mm / pictures[0].shape[1] * binning,
+        pixel_pitch=width_mm / pictures[0].values.shape[1] * binning,
         camera_rotation=looking_at_centre(camera),
     )
 
 
 def read_positions(path: Path) -> tuple[list[Placement], list[Problem]]:
     """Read the table of positions; return its rows and all that is wrong with it."""
+    if path.suffix.lower() == ".lp":
+        what = (
+            "has the light directions of an RTI dome, without camera and distances. Write a CSV with a row a picture: "
+            "camera_x_mm, camera_y_mm, camera_z_mm of the fixed camera, light_x_mm ... = direction times distance"
+        )
+        return [], [Problem(str(path), what)]
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         return [], [Problem(str(path), f"cannot be read ({error})")]
-    reader = csv.DictReader(lines)
+    lines = text.splitlines()
+    separator = ";" if lines and ";" in lines[0] else ","
+    reader = csv.DictReader(lines, delimiter=separator)
     header = [name.strip() for name in reader.fieldnames or []]
+    problems = [Problem(f"{path}:1", what) for what in _header_problems(header)]
     camera, light = _columns(header, "camera"), _columns(header, "light")
-    if "file" not in header or camera is None:
-        wanted = "file, camera_x_mm, camera_y_mm, camera_z_mm (or _cm, _m), and optionally light_x_mm ..."
-        return [], [Problem(f"{path}:1", f"columns are {', '.join(header) or 'none'}; needed are {wanted}")]
+    if problems or camera is None:
+        return [], problems
     placements: list[Placement] = []
-    problems: list[Problem] = []
+    first_line: dict[str, int] = {}
     for number, row in enumerate(reader, start=2):
-        cells = {
-            (key or "").strip(): (value or "").strip() for key, value in row.items() if not isinstance(value, list)
-        }
-        try:
-            at_camera = _position(cells, camera)
-            at_light = _position(cells, light) if light else at_camera
-        except ValueError as error:
-            problems.append(
-                Problem(f"{path}:{number}", f"{error}; positions must be finite numbers with z above the sample")
-            )
+        where = f"{path}:{number}"
+        if None in row:
+            problems.append(Problem(where, _too_many_cells(separator, len(header))))
             continue
-        placements.append(Placement(cells["file"], at_camera, at_light, number))
+        cells = {name: (row[key] or "").strip() for name, key in zip(header, reader.fieldnames or [], strict=True)}
+        try:
+            at_camera = _position(cells, camera, decimal_comma=separator == ";")
+            at_light = _position(cells, light, decimal_comma=separator == ";") if light else at_camera
+        except ValueError as error:
+            problems.append(Problem(where, f"{error}; positions must be finite numbers with z above the sample"))
+            continue
+        file = cells["file"]
+        if file in first_line:
+            problems.append(Problem(where, f"{file} stands in line {first_line[file]} already; keep one of the two"))
+        first_line.setdefault(file, number)
+        placements.append(Placement(file, at_camera, at_light, number))
     if not placements and not problems:
         problems.append(Problem(str(path), "names no picture"))
     return placements, problems
+
+
+def _header_problems(header: list[str]) -> Iterator[str]:
+    """Yield what is wrong with the names of the columns: what is not understood is not dropped."""
+    known = [
+        "file",
+        *(f"{device}_{axis}_{unit}" for device in ("camera", "light") for unit in UNITS_MM for axis in "xyz"),
+    ]
+    needed = "file, camera_x_mm, camera_y_mm, camera_z_mm (or _cm, _m), and optionally light_x_mm ..."
+    if "file" not in header or _columns(header, "camera") is None:
+        yield f"columns are {', '.join(header) or 'none'}; needed are {needed}"
+        return
+    for name in header:
+        if header.count(name) > 1:
+            yield f"column {name!r} stands {header.count(name)} times; keep one"
+        elif name not in known:
+            yield f"column {name!r} is not known; allowed are {needed}. Rename it or take it out"
+    lights = [name for name in header if name in known and name.startswith("light_")]
+    units = {name.rsplit("_", 1)[1] for name in lights}
+    if len(units) > 1:
+        yield f"columns {', '.join(lights)} have several units; use one"
+    elif lights:
+        missing = [name for name in (f"light_{axis}_{unit}" for unit in units for axis in "xyz") if name not in lights]
+        if missing:
+            yield f"{', '.join(missing)} is missing; a light needs x, y and z, or no column for one in the lens"
+
+
+def _too_many_cells(separator: str, n_columns: int) -> str:
+    what = f"has more cells than the header has columns ({n_columns})"
+    if separator == ",":
+        return f"{what}; a decimal comma? Use the decimal point, or semicolons between the cells"
+    return what
+
+
+def _distance_problems(positions: Path, placements: list[Placement], width_mm: float) -> Iterator[Problem]:
+    for placement in placements:
+        distance = float(np.linalg.norm(placement.camera))
+        if distance < _CLOSEST * width_mm:
+            what = (
+                f"{placement.file}: the camera is {distance:.3g} mm from the centre of an area {width_mm:g} mm wide. "
+                "In metres or centimetres? Name the columns camera_x_m ... or camera_x_cm ..., or correct the width"
+            )
+            yield Problem(f"{positions}:{placement.line}", what)
 
 
 def _columns(header: list[str], device: str) -> tuple[list[str], float] | None:
@@ -134,9 +212,10 @@ def _columns(header: list[str], device: str) -> tuple[list[str], float] | None:
     return None
 
 
-def _position(cells: dict[str, str], columns: tuple[list[str], float]) -> Array:
+def _position(cells: dict[str, str], columns: tuple[list[str], float], *, decimal_comma: bool) -> Array:
     names, millimetres = columns
-    position = np.array([float(cells[name]) for name in names]) * millimetres
+    texts = [cells[name].replace(",", ".") if decimal_comma else cells[name] for name in names]
+    position = np.array([float(text) for text in texts]) * millimetres
     if not np.all(np.isfinite(position)) or position[2] <= 0.0:
         raise ValueError(f"position is {position.tolist()} mm")
     return position
@@ -163,19 +242,19 @@ def _picture_problems(
 
 
 def _size_problems(
-    positions: Path, placements: list[Placement], pictures: list[NDArray[np.float32]], binning: int
+    positions: Path, placements: list[Placement], pictures: list[_Picture], binning: int
 ) -> Iterator[Problem]:
-    first = pictures[0].shape
+    first = pictures[0].values.shape
     for placement, picture in zip(placements, pictures, strict=True):
-        if picture.shape != first:
-            text = f"{placement.file} has {picture.shape}; the first picture has {first}, and all must be alike"
+        if picture.values.shape != first:
+            text = f"{placement.file} has {picture.values.shape}; the first picture has {first}, and all must be alike"
             yield Problem(f"{positions}:{placement.line}", text)
     if min(first[:2]) < binning:
         yield Problem("--bin", f"is {binning}; pictures have {first[1]} x {first[0]} pixels")
 
 
-def _read_picture(path: Path) -> NDArray[np.float32]:
-    """Return (height, width, 1 or 3) in R, G, B; integers scaled so that the largest is 1."""
+def _read_picture(path: Path) -> _Picture:
+    """Read a picture; whole numbers are scaled so that the largest of their type is 1."""
     suffix = path.suffix.lower()
     if suffix == ".npy":
         values = np.load(path, allow_pickle=False)
@@ -191,8 +270,12 @@ def _read_picture(path: Path) -> NDArray[np.float32]:
         values = values[..., None]
     if values.ndim != 3 or values.shape[2] not in (1, 3):
         raise ValueError(f"has shape {values.shape}; must be (height, width) with 1 or 3 channels")
-    scale = np.iinfo(values.dtype).max if values.dtype.kind in "iu" else 1.0
-    return np.ascontiguousarray(values, np.float32) / np.float32(scale)
+    if min(values.shape[:2]) < MIN_SIDE:
+        height, width = values.shape[:2]
+        raise ValueError(f"has {width} x {height} pixels; needed are {MIN_SIDE} at least a side, or it has no slopes")
+    whole = values.dtype.kind in "iu"
+    scale = np.iinfo(values.dtype).max if whole else 1.0
+    return _Picture(np.ascontiguousarray(values, np.float32) / np.float32(scale), 1.0 / scale if whole else 0.0)
 
 
 def _read_exr(path: Path) -> NDArray[np.float32]:
@@ -205,13 +288,23 @@ def _read_exr(path: Path) -> NDArray[np.float32]:
 
 
 def _linearise(
-    picture: NDArray[np.float32], gamma: float, binning: int
+    picture: _Picture, gamma: float, binning: int, level: float
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8]]:
-    """Undo the display curve; return radiance, variance (quantisation and shot noise) and what is clipped."""
-    clipped = picture >= _CLIPPED_8_BIT
-    linear = np.maximum(picture, 0.0) ** gamma
-    # One step of 8 bits, seen through the slope of the curve.
-    step = gamma * np.maximum(picture, 1.0 / 255.0) ** (gamma - 1.0) / 255.0
+    """Undo the display curve; return radiance, variance (quantisation and shot noise) and what is clipped.
+
+    `level` is the typical value of all pictures; floating-point pictures may have any unit, so that only it tells
+    what is dark.
+    """
+    values = picture.values
+    linear = np.maximum(values, 0.0) ** gamma
+    if picture.step > 0.0:
+        # The largest value that the type holds may stand for any light above it.
+        clipped = values >= 1.0 - 0.5 * picture.step
+        # One step of the type, seen through the slope of the curve.
+        step = gamma * np.maximum(values, picture.step) ** (gamma - 1.0) * picture.step
+    else:
+        clipped = np.zeros(values.shape, np.bool_)
+        step = np.full(values.shape, np.float32(_FLOAT_STEP * max(level, 0.0) ** gamma))
     variance = step**2 + (_RELATIVE_NOISE * linear) ** 2
     n = binning**2
     return (
