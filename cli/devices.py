@@ -17,7 +17,6 @@ from instrument.files.validation import LINE_BREAK, printable
 
 if TYPE_CHECKING:
     from drivers.driver import Kind
-    from instrument.rig.check import Finding
 
 rig_argument = click.argument("rig_file", metavar="RIG", type=PATH)
 home_option = click.option("--home", is_flag=True, help="Let the stage find its zero first, over its whole way.")
@@ -62,7 +61,11 @@ def check(rig_file: Path, home: bool, as_json: bool) -> None:
             click.echo(printable(f"{finding.verdict}  {finding.kind:<6}  {finding.text}", keep=LINE_BREAK))
     if as_json:
         click.echo(json.dumps([asdict(finding) for finding in findings], indent=2))
-    _leave_with(findings)
+    verdicts = {finding.verdict for finding in findings}
+    if "FAIL" in verdicts:
+        sys.exit(1)
+    if "WARN" in verdicts:
+        sys.exit(3)
 
 
 @rig.command(epilog="Example: halfangle rig safe examples/simulated.toml")
@@ -121,14 +124,6 @@ def frame(
         "board_rms_px": None if isnan(seen.rms_px) else seen.rms_px,
     }
     click.echo(json.dumps(figures, indent=2) if as_json else "\n".join(f"{k:<16} {v}" for k, v in figures.items()))
-
-
-def _leave_with(findings: list[Finding]) -> None:
-    verdicts = {finding.verdict for finding in findings}
-    if "FAIL" in verdicts:
-        sys.exit(1)
-    if "WARN" in verdicts:
-        sys.exit(3)
 
 
 @click.command("driver-test", epilog="Example: halfangle driver-test examples/simulated.toml --kind light")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args
@@ -10,7 +11,15 @@ from typing import Any, get_args
 import click
 
 from analysis.reconstruction.options import Accuracy, Field, Light, Options, Palette, Parallax, Power
-from cli.output import FILE, FiniteRange, check_new, json_file_option, parse_position, quiet_option
+from cli.output import (
+    FILE,
+    FINISHED_WITH_WARNINGS,
+    FiniteRange,
+    check_new,
+    json_file_option,
+    parse_position,
+    quiet_option,
+)
 from cli.progress import stage_bars
 from instrument.files.json_file import write_json
 from instrument.files.validation import InvalidInputError, Problem
@@ -61,6 +70,8 @@ def reconstruct(
     if json_file:
         write_json(json_file, result.figures())
     click.echo(f"{output}\n{summary_text(result.summary)}")
+    if result.summary.n_unsolved == result.summary.n_pixels:
+        sys.exit(FINISHED_WITH_WARNINGS)
 
 
 @click.command(epilog="Example: halfangle render area.result.h5 --camera 0,0,350 --light 120,0,300 -o relit.exr")

@@ -64,16 +64,13 @@ def reproduce(
     for target in (folder / "reproduction.md", page):
         if target is not None:
             write_page(target, folder, results, summary)
-    _leave({result["status"] for result in results})
+    statuses = {result["status"] for result in results}
+    if "failed" in statuses:
+        sys.exit(1)
+    if "skipped" in statuses:
+        sys.exit(3)
 
 
 def _line(result: dict[str, Any]) -> str:
     told = result["ours"] if result["status"] == "ok" else result["why"]
     return f"{result['name']:<16} {result['verdict'] or result['status']:<14} {told} ({result['seconds']:.0f} s)"
-
-
-def _leave(statuses: set[str]) -> None:
-    if "failed" in statuses:
-        sys.exit(1)
-    if "skipped" in statuses:
-        sys.exit(3)

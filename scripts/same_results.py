@@ -21,8 +21,9 @@ import numpy as np
 
 # What differs between two runs of one program: clocks, memory, and what names the run.
 _OF_THE_RUN = {
-    "stages", "seconds", "cpu_seconds", "peak_mb", "pixels_per_second", "program_version", "file_time", "source",
-    "load", "day", "machine", "versions", "integration_seconds", "session_uuid",
+    "stages", "seconds", "cpu_seconds", "setup_seconds", "integration_seconds", "peak_mb", "pixels_per_s",
+    "ratio_to_reference", "cpu_ratio_to_reference", "program_version", "file_time", "source", "load", "day", "machine",
+    "versions", "session_uuid",
 }  # fmt: skip
 
 

@@ -17,7 +17,7 @@ def normal_colours(normals: Array) -> Array:
 
 def display_colours(radiance: Array, white: float | None = None) -> Array:
     """Return linear radiance (..., 1 or 3) as display colours, `white` (99th percentile) made 1, by the sRGB curve."""
-    level = white or float(np.nanpercentile(radiance, 99))
+    level = white or (float(np.nanpercentile(radiance, 99)) if np.isfinite(radiance).any() else 1.0)
     linear = np.nan_to_num(np.clip(radiance / max(level, 1e-30), 0.0, 1.0))
     curve = srgb_from_linear(linear)
     return np.asarray(np.broadcast_to(curve, (*curve.shape[:-1], 3)))

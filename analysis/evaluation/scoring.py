@@ -80,9 +80,13 @@ def _against_truth(reconstruction: Reconstruction, truth: Truth) -> dict[str, An
         "normal_error_deg": error_summary(error),
         "depth_rmse_mm": depth_rmse(reconstruction.depth, truth.depth),
         "depth_rmse_without_plane_mm": depth_rmse_without_plane(reconstruction.depth, truth.depth),
-        "coverage68": float(np.mean(ratio < 1.5096)),
-        "coverage95": float(np.mean(ratio < 2.4477)),
+        "coverage68": _share_below(ratio, 1.5096),
+        "coverage95": _share_below(ratio, 2.4477),
     }
+
+
+def _share_below(values: Array, limit: float) -> float:
+    return float(np.mean(values < limit)) if values.size else float("nan")
 
 
 def _three(vector: Array) -> tuple[float, float, float]:

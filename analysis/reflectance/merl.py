@@ -25,6 +25,8 @@ N_BYTES = 3 * 4 + 3 * int(np.prod(SHAPE)) * 8
 
 SCALES = np.array([1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0])
 
+_ABSURD = 1e15  # 1/sr in the file's units; read in the wrong order of bytes, one value in three lies beyond it
+
 UNMEASURED = -1.0
 
 _ACROSS = 100.0  # a step in theta_h costs more than all 90 in theta_d
@@ -113,6 +115,11 @@ def read_merl(path: Path) -> MerlBrdf:
     return MerlBrdf(stored)
 
 
+def _n_absurd(stored: Array) -> int:
+    """Count the values that no reflectance has, measured or not."""
+    return int(np.count_nonzero(np.abs(np.nan_to_num(stored)) > _ABSURD))
+
+
 def _size_problems(path: Path) -> Iterator[Problem]:
     n_bytes = path.stat().st_size
     with path.open("rb") as file:
@@ -126,6 +133,12 @@ def _size_problems(path: Path) -> Iterator[Problem]:
 
 
 def _value_problems(path: Path, stored: Array) -> Iterator[Problem]:
+    if _n_absurd(stored):
+        what = "values are beyond any BRDF: no MERL file, or a damaged one; fetch it again"
+        if not _n_absurd(stored.byteswap()):
+            what = "values are in the other order of bytes (big-endian); MERL's are little-endian. Convert the file"
+        yield Problem(str(path), what)
+        return
     n_bad = int(np.count_nonzero(~np.isfinite(stored)))
     if n_bad:
         yield Problem(str(path), f"{n_bad} of {stored.size} values are not finite; fetch the file again")

@@ -7,14 +7,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
-import OpenEXR
 from numpy.typing import NDArray
 
 from analysis.registration.lighting import looking_at_centre
 from analysis.registration.stack import Stack
 from instrument.files.validation import Problem, raise_if_any
+from instrument.pictures.reading import is_raw, read_picture
 
 Array = NDArray[np.float64]
 
@@ -255,36 +254,17 @@ def _size_problems(
 
 def _read_picture(path: Path) -> _Picture:
     """Read a picture; whole numbers are scaled so that the largest of their type is 1."""
-    suffix = path.suffix.lower()
-    if suffix == ".npy":
-        values = np.load(path, allow_pickle=False)
-    elif suffix == ".exr":
-        values = _read_exr(path)
-    else:
-        values = cv2.imread(str(path), cv2.IMREAD_UNCHANGED | cv2.IMREAD_ANYDEPTH)
-        if values is None:
-            raise ValueError("not a picture, or damaged")
-        if values.ndim == 3:
-            values = values[..., 2::-1]
+    if is_raw(path):
+        raise ValueError("a RAW file is a mosaic, which cannot be registered; develop it linearly and save it as TIFF")
+    values = read_picture(path).pixels
     if values.ndim == 2:
         values = values[..., None]
-    if values.ndim != 3 or values.shape[2] not in (1, 3):
-        raise ValueError(f"has shape {values.shape}; must be (height, width) with 1 or 3 channels")
     if min(values.shape[:2]) < MIN_SIDE:
         height, width = values.shape[:2]
         raise ValueError(f"has {width} x {height} pixels; needed are {MIN_SIDE} at least a side, or it has no slopes")
     whole = values.dtype.kind in "iu"
     scale = np.iinfo(values.dtype).max if whole else 1.0
     return _Picture(np.ascontiguousarray(values, np.float32) / np.float32(scale), 1.0 / scale if whole else 0.0)
-
-
-def _read_exr(path: Path) -> NDArray[np.float32]:
-    with OpenEXR.File(str(path)) as file:
-        channels = file.channels()
-        name = next((n for n in ("RGB", "RGBA", "Y") if n in channels), None)
-        if name is None:
-            raise ValueError(f"channels are {sorted(channels)}; needed are R, G, B or Y")
-        return np.asarray(channels[name].pixels[..., :3] if name != "Y" else channels[name].pixels, np.float32)
 
 
 def _linearise(

@@ -20,7 +20,14 @@ from numpy.typing import NDArray
 from analysis.registration.stack import Stack, Truth
 from instrument.files.json_text import parse_json
 from instrument.files.new_hdf5 import BOOKKEEPING_BYTES, new_hdf5
-from instrument.files.untrusted import HDF5_ERRORS, array_problems, hard_linked, open_foreign, text_attribute
+from instrument.files.untrusted import (
+    HDF5_ERRORS,
+    array_problems,
+    hard_linked,
+    open_foreign,
+    schema_problems,
+    text_attribute,
+)
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 from instrument.files.whole_file import refuse_unreadable, written_whole
 from instrument.session.reader import open_hdf5
@@ -246,6 +253,7 @@ _GEOMETRY = "/entry/geometry"
 
 def _check(file: Any) -> Iterator[Problem]:
     """Structure: what must be there, its shape and kind."""
+    yield from schema_problems(file, SCHEMA)
     dataset = _dataset(file, _RADIANCE)
     if dataset is None:
         yield Problem(_RADIANCE, "missing; a stack needs the dataset radiance[view, height, width, channel]")

@@ -24,6 +24,11 @@ Array = NDArray[np.float64]
 
 N_PICKED = 4
 
+NOTHING_SOLVED = (
+    "NO PIXEL IS SOLVED: the maps are empty. The flags say why: too few views see a pixel, or the pictures are black "
+    "or clipped. Look at the stack and at its light."
+)
+
 NARROW_RANGE_DEG = 30.0
 """Largest half angle below which a curve's tail, and with it the diffuse part, is mostly extrapolated."""
 
@@ -50,7 +55,7 @@ def write_report(path: Path, result: Result, title: str) -> None:
         headline=_headline(result),
         advice=_advice(result),
         maps=_maps(result, groups, picked),
-        curves=_encode(_curves(result, picked)),
+        curves=_encode(_curves(result, picked)) if picked else "",
         left_out=result.summary.left_out,
         choices=result.choices,
         calibration=_flat(result.summary.calibration or {}),
@@ -128,6 +133,8 @@ def _advice(result: Result) -> list[str]:
             "extrapolated, diffuse albedo and normals trade against each other, and the stated sigma does not cover "
             "that. Add poses with more tilt."
         )
+    if s.n_unsolved == s.n_pixels:
+        return [NOTHING_SOLVED]
     if s.n_unsolved:
         advice.append(f"{s.n_unsolved} of {s.n_pixels} pixels are unsolved; the flags below say why.")
     if s.relative_error > 0.03:

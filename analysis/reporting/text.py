@@ -8,6 +8,7 @@ import numpy as np
 
 from analysis.reporting.calibration_report import CalibrationReport
 from analysis.reporting.checks import Status, by_severity, count
+from analysis.reporting.result_report import NOTHING_SOLVED
 from analysis.results.points import USES, PointCurve, PointSamples
 from analysis.results.summary import Summary
 from analysis.stages import Stages
@@ -58,7 +59,9 @@ def summary_text(summary: Summary) -> str:
         text.append(f"plane and bowl in the depth: tilt {tilt}, bowl {s.depth_shape.sag:.4f} mm deep")
     if s.error_budget_deg is not None:
         text.append(budget_text(s.error_budget_deg))
-    if s.n_unsolved:
+    if s.n_unsolved == s.n_pixels:
+        text.append(NOTHING_SOLVED)
+    elif s.n_unsolved:
         text.append(f"{s.n_unsolved} of {s.n_pixels} pixels unsolved (see flags)")
     if s.left_out:
         text.append(_held_out_table(s))

@@ -14,8 +14,9 @@ from instrument.files.validation import Problem
 
 Shape = tuple[int | str, ...]
 
-MAX_COEFFICIENT = 1e12
-"""No BRDF comes near it, and squares of it are still numbers."""
+MAX_COEFFICIENT = 1e37
+"""What single precision holds, and no more: coefficients have the unit of the stack's radiance times the squared
+distance, whichever that is."""
 
 # The depth comes first: all maps have its shape. C channels, J atoms of a pixel, K atoms in all.
 _NUMBERS: dict[str, Shape] = {

@@ -28,7 +28,7 @@ from analysis.results.summary import Summary, Value, plain, value_from_json
 from analysis.results.views import read_views, write_views
 from analysis.stages import Stage
 from instrument.files.new_hdf5 import BOOKKEEPING_BYTES, new_hdf5
-from instrument.files.untrusted import HDF5_ERRORS, open_foreign, text_attribute
+from instrument.files.untrusted import HDF5_ERRORS, open_foreign, schema_problems, text_attribute
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 from instrument.files.whole_file import refuse_unreadable, written_whole
 
@@ -165,7 +165,7 @@ def read_result(path: Path) -> Result:
     title = f"{path} cannot be read as a result."
     try:
         with open_foreign(path, title) as file:
-            raise_if_any(title, result_problems(file))
+            raise_if_any(title, [*schema_problems(file, SCHEMA), *result_problems(file)])
             return _read(file)
     except HDF5_ERRORS as error:
         if isinstance(error, InvalidInputError):

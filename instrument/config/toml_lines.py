@@ -29,11 +29,19 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
         data = tomllib.loads(text)
         refuse_deep(data)
     except ValueError as error:
-        where = f"{name}:{_error_line(str(error), text)}"
-        raise InvalidInputError(f"{name} is not TOML", [Problem(where, str(error))]) from None
+        line = _error_line(str(error), text)
+        what = f"{error}{_decimal_comma(text, line)}"
+        raise InvalidInputError(f"{name} is not TOML", [Problem(f"{name}:{line}", what)]) from None
     except RecursionError:
         raise InvalidInputError(f"{name} cannot be used", [Problem(name, f"is {TOO_DEEP}")]) from None
     return data
+
+
+def _decimal_comma(text: str, line: int) -> str:
+    """Return a hint if the line has a number with a comma in it, as in 3,5."""
+    lines = text.splitlines()
+    is_there = 0 < line <= len(lines) and re.search(r"=\s*[+-]?\d+,\d+\s*(#|$)", lines[line - 1])
+    return "; a decimal comma? TOML has the decimal point, as in 3.5" if is_there else ""
 
 
 class TomlLines:

@@ -253,3 +253,13 @@ def text_problems(dataset: Any, where: str) -> Iterator[Problem]:
         yield Problem(where, f"has type {dataset.dtype}; must be text")
     yield from storage_problems(dataset, where)
     yield from size_problems(dataset, where)
+
+
+def schema_problems(file: h5py.File, schema: str) -> Iterator[Problem]:
+    """Yield that a file has another major version than `schema`; one that states none is taken as it is."""
+    entry = hard_linked(file, "/entry")
+    found = text_attribute(entry, "halfangle_schema") if isinstance(entry, h5py.Group) else None
+    major = schema.split(".", maxsplit=1)[0]
+    if found is not None and found.split(".", maxsplit=1)[0] != major:
+        what = f"is {found}; this halfangle reads {major}.x. Read it with the version that wrote it"
+        yield Problem("/entry@halfangle_schema", what)

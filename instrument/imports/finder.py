@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -66,7 +67,7 @@ class Finder:
     def fitting(self, pattern: str, key: KeyPath) -> list[Path]:
         """Return the pictures that fit `pattern`, in the order of their names."""
         try:
-            found = [path for path in self.folder.glob(pattern) if path.is_file() and is_picture(path)]
+            found = [path for path in self.folder.glob(_any_case(pattern)) if path.is_file() and is_picture(path)]
         except (NotImplementedError, ValueError) as error:  # what pathlib raises for patterns like /x and **x
             self.complain(key, f"{pattern!r} cannot be used: {error}")
             return []
@@ -82,14 +83,33 @@ class Finder:
             return []
         if (self.folder / name).is_file():
             return [self.folder / name]
-        found = self.fitting(name, key) if re.search(r"[*?\[]", name) else []
+        found = self.fitting(name, key) if re.search(r"[*?\[]", name) else self._written_otherwise(name)
         if not found:
             self.complain(key, f"{name!r} is not in {self.folder}{self._hint(name)}")
         return found
 
+    def _written_otherwise(self, name: str) -> list[Path]:
+        """Return the picture of a name whose letters are composed otherwise, as a Mac decomposes its umlauts."""
+        wanted = unicodedata.normalize("NFC", name)
+        found = (path for path in self.folder.rglob("*") if path.is_file() and not path.name.startswith("."))
+        return [path for path in found if unicodedata.normalize("NFC", self.name(path)) == wanted][:1]
+
     def _hint(self, name: str) -> str:
         close = get_close_matches(name, [self.name(path) for path in self.folder.rglob("*") if path.is_file()], n=1)
         return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def _any_case(pattern: str) -> str:
+    """Return a pattern that finds `.DNG` where `.dng` is asked for: cameras and copies of one card differ in that."""
+    parts = re.split(r"(\[[^\]]*\])", pattern)
+    return "".join(
+        part if part.startswith("[") else "".join(f"[{c.lower()}{c.upper()}]" if _has_case(c) else c for c in part)
+        for part in parts
+    )
+
+
+def _has_case(letter: str) -> bool:
+    return letter.lower() != letter.upper() and len(letter.lower()) == len(letter.upper()) == 1
 
 
 def natural_order(name: str) -> list[tuple[int, str]]:

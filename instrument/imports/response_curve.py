@@ -59,7 +59,11 @@ def read_curve(path: Path, n_counts: int) -> Curve:
 def _read_rows(path: Path) -> tuple[list[str], NDArray[np.float64]]:
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
-        header, *rows = [[cell.strip() for cell in row] for row in csv.reader(lines) if row]
+        separator = ";" if lines and ";" in lines[0] else ","
+        header, *rows = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=separator) if row]
+        if separator == ";":
+            # Tables with semicolons may have decimal commas.
+            rows = [[cell.replace(",", ".") for cell in row] for row in rows]
         values = np.array([[float(cell) for cell in row] for row in rows], np.float64)
     except OSError as error:
         raise CurveError(f"{path.name} cannot be read: {error.strerror}") from None

@@ -119,6 +119,9 @@ def _notes(table: CameraTable, frames: Sequence[Frame], camera: CameraRecord) ->
     stated = _stated_blacks(frames)
     if table.black_level is None and stated is not None and (np.ptp(stated, axis=0) > 0).any():
         yield f"the pictures state black levels from {stated.min():g} to {stated.max():g}; the medians are used"
+    automatic = sum(frame.surveyed.shot.white_balance.lower().startswith("auto") for frame in frames)
+    if automatic and camera.n_channels == 3:
+        yield f"{automatic} pictures have an automatic white balance: colours may differ from pose to pose"
     if first.bayer_pattern is None and table.bayer_pattern is None and camera.n_channels == 1:
         yield "frames are taken to be monochrome; state bayer_pattern in [camera] if they are a mosaic"
 

@@ -63,7 +63,7 @@ def _rank(suffix: str) -> int:
 def _head(folder: Path, first: Surveyed) -> Iterator[str]:
     yield "# What the pictures in this folder do not say themselves. Lines that begin with # are off; docs/import.md"
     yield "# explains every key. Lengths are in mm, times in seconds."
-    yield f"name = {json.dumps(folder.resolve().name or 'capture')}"
+    yield f"name = {json.dumps(folder.resolve().name or 'capture', ensure_ascii=False)}"
     yield 'sample = ""'
     yield _focal_length(first)
     yield "# working_distance_mm = 350.0"
@@ -106,8 +106,8 @@ def _camera(first: Surveyed) -> Iterator[str]:
 
 def _said(value: object, example: object) -> str:
     if value is None:
-        return f"{json.dumps(example)}  # the pictures do not say"
-    return f"{json.dumps(value)}  # as the pictures say"
+        return f"{json.dumps(example, ensure_ascii=False)}  # the pictures do not say"
+    return f"{json.dumps(value, ensure_ascii=False)}  # as the pictures say"
 
 
 def _levels(levels: tuple[float, ...] | None) -> float | list[float] | None:
@@ -120,7 +120,7 @@ def _grouping(folder: Path, paths: Sequence[Path], shots: Sequence[Shot]) -> Ite
     yield ""
     yield "[grouping]"
     folders = "" if paths[0].parent == folder else "*/"
-    yield f"glob = {json.dumps(f'{folders}*{paths[0].suffix}')}  # fits {len(paths)}"
+    yield f"glob = {json.dumps(f'{folders}*{paths[0].suffix}', ensure_ascii=False)}  # fits {len(paths)}"
     times = [shot.exposure_time for shot in shots if shot.exposure_time is not None]
     if len(times) < len(paths):
         yield f"exposure_times_s = [1.0]  # {len(paths) - len(times)} of them do not say it: state the true time"

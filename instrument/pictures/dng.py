@@ -83,7 +83,7 @@ def _common_tags(exposure_time: float, camera: CameraRecord) -> Iterator[Tag]:
     yield from _time(exposure_time)
     yield 50706, "B", 4, b"\1\4\0\0", True  # DNGVersion
     yield 50707, "B", 4, b"\1\1\0\0", True  # DNGBackwardVersion
-    yield 50708, "s", 0, f"{camera.make} {camera.model}".strip() or "unknown", True  # UniqueCameraModel
+    yield 50708, "s", 0, _ascii(f"{camera.make} {camera.model}".strip() or "unknown"), True  # UniqueCameraModel
     # Without it LibRaw would cut the border that cameras of this name have.
     yield 50829, "I", 4, (0, 0, camera.height, camera.width), True  # ActiveArea
 
@@ -91,7 +91,7 @@ def _common_tags(exposure_time: float, camera: CameraRecord) -> Iterator[Tag]:
 def _names(camera: CameraRecord) -> Iterator[Tag]:
     for code, text in ((271, camera.make), (272, camera.model), (50735, camera.serial_number)):
         if text:
-            yield code, "s", 0, text.encode("ascii", "replace").decode(), True
+            yield code, "s", 0, _ascii(text), True
 
 
 def _time(exposure_time: float) -> Iterator[Tag]:
@@ -121,3 +121,8 @@ def _colours(camera: CameraRecord) -> Iterator[Tag]:
         yield 50721, "2i", 9, identity, True  # ColorMatrix1
         yield 50728, "2I", 3, (1, 1, 1, 1, 1, 1), True  # AsShotNeutral
         yield 50778, "H", 1, 21, True  # CalibrationIlluminant1: D65
+
+
+def _ascii(text: str) -> str:
+    """Return a text with a question mark for each letter that a DNG cannot hold; the capture.toml beside it has all."""
+    return text.encode("ascii", "replace").decode()

@@ -59,7 +59,7 @@ def _from_exif(path: Path) -> Shot:
     if not tags and is_raw(path):
         return _from_libraw(path)
     return Shot(
-        exposure_time=_number(tags, "EXIF ExposureTime", "Image ExposureTime"),
+        exposure_time=_number(tags, "EXIF ExposureTime", "Image ExposureTime") or _apex_time(tags),
         iso=_number(tags, "EXIF ISOSpeedRatings", "Image ISOSpeedRatings"),
         f_number=_number(tags, "EXIF FNumber", "Image FNumber"),
         focal_length=_number(tags, "EXIF FocalLength", "Image FocalLength"),
@@ -94,6 +94,18 @@ def _number(tags: Mapping[str, Any], *names: str) -> float | None:
     """Return the first value that stands under one of `names`; cameras write 0 for "not known"."""
     values = (tags[name].values for name in names if name in tags)
     return _positive(next((value[0] for value in values if value), None))
+
+
+def _apex_time(tags: Mapping[str, Any]) -> float | None:
+    """Return the exposure time that ShutterSpeedValue states: T_v of the APEX system, t = 2^-T_v seconds."""
+    for name in ("EXIF ShutterSpeedValue", "Image ShutterSpeedValue"):
+        values = tags[name].values if name in tags else None
+        if values:
+            try:
+                return _positive(2.0 ** -float(values[0]))
+            except (TypeError, ValueError, ZeroDivisionError, OverflowError):
+                return None
+    return None
 
 
 def _positive(value: Any) -> float | None:

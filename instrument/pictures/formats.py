@@ -24,6 +24,7 @@ def read_tiff(path: Path) -> Picture:
         if len(file.pages) > 1:
             raise UnreadablePictureError(f"holds {len(file.pages)} pictures; save each in a file of its own")
         page = file.pages.first
+        _refuse_other_meanings(page)
         try:
             pixels = page.asarray()
         except ValueError as error:
@@ -31,6 +32,9 @@ def read_tiff(path: Path) -> Picture:
                 raise
             pixels = _read_with_opencv(path)
         channels_first = pixels.ndim == 3 and page.planarconfig == tifffile.PLANARCONFIG.SEPARATE
+        if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE:
+            # 0 is white there: the light grows as the values fall.
+            pixels = np.iinfo(pixels.dtype).max - pixels
         return Picture(_without_alpha(np.moveaxis(pixels, 0, -1) if channels_first else pixels))
 
 
@@ -67,13 +71,33 @@ def read_npy(path: Path) -> Picture:
     return Picture(np.load(path, allow_pickle=False))
 
 
+def _refuse_other_meanings(page: Any) -> None:
+    """Raise `UnreadablePictureError` for values that are no light of grey or of red, green and blue."""
+    kinds = tifffile.PHOTOMETRIC
+    if page.photometric not in (kinds.MINISBLACK, kinds.MINISWHITE, kinds.RGB, kinds.CFA):
+        name = getattr(page.photometric, "name", str(page.photometric))
+        raise UnreadablePictureError(f"has colours of the kind {name}; save it as RGB or grey")
+    if page.photometric == kinds.MINISWHITE and page.sampleformat != tifffile.SAMPLEFORMAT.UINT:
+        raise UnreadablePictureError("has white as 0 and values that are no whole numbers; save it with black as 0")
+    if page.bitspersample not in (8, 16, 32, 64):
+        raise UnreadablePictureError(f"has {page.bitspersample} bits a value, packed; save it with 16 bits")
+
+
 def _read_with_opencv(path: Path) -> NDArray[Any]:
     pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if pixels is None:
         raise UnreadablePictureError("is no picture, or damaged")
     # Blue, green, red, alpha in OpenCV.
-    return pixels[..., 2::-1] if pixels.ndim == 3 else pixels
+    pixels = _without_alpha(pixels)
+    return pixels[..., ::-1] if pixels.ndim == 3 and pixels.shape[2] == 3 else pixels
 
 
 def _without_alpha(pixels: NDArray[Any]) -> NDArray[Any]:
-    return pixels[..., :3] if pixels.ndim == 3 and pixels.shape[2] == 4 else pixels
+    """Return the colours of a picture whose fourth channel hides nothing of them."""
+    if pixels.ndim != 3 or pixels.shape[2] not in (2, 4):
+        return pixels
+    alpha = pixels[..., -1]
+    opaque = np.iinfo(alpha.dtype).max if alpha.dtype.kind in "iu" else 1.0
+    if not np.all(alpha == opaque):
+        raise UnreadablePictureError("is transparent in places, so that its values are not the light alone; flatten it")
+    return pixels[..., :-1]

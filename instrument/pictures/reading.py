@@ -25,8 +25,8 @@ RAW_SUFFIXES = tuple(f".{name}" for name in _RAW.split())
 
 
 def is_picture(path: Path) -> bool:
-    """Whether the name of a file is that of a picture."""
-    return path.suffix.lower() in (*READERS, *RAW_SUFFIXES)
+    """Whether the name of a file is that of a picture; hidden ones, such as a Mac's `._IMG_0.dng`, are none."""
+    return not path.name.startswith(".") and path.suffix.lower() in (*READERS, *RAW_SUFFIXES)
 
 
 def is_raw(path: Path) -> bool:

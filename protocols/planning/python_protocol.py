@@ -9,15 +9,21 @@ from __future__ import annotations
 import runpy
 import traceback
 from collections.abc import Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from instrument.config.loading import load_protocol
 from instrument.config.messages import complaints, validate
 from instrument.config.protocol import ProtocolConfig
 from instrument.files.validation import InvalidInputError, Problem
+from instrument.session.layout import MAX_SIZES
+
+MAX_POSES = MAX_SIZES["P"]
+"""As many as a session can hold."""
 
 TABLES = ("name", "sample", "bracket", "flats", "watch")
 """What a file may state besides its poses, each as the key of that name in `protocol.toml`."""
@@ -47,8 +53,8 @@ def load_python_protocol(path: Path) -> ProtocolConfig:
     missing = [key for key in ("name", "bracket", "poses") if key not in values]
     if missing:
         raise _unusable(path, [Problem(path.name, f"states no {key}; see examples/spiral.py") for key in missing])
-    data = {key: values[key] for key in TABLES if key in values}
-    data["poses"] = [{"axes": dict(pose)} for pose in _poses(path, values["poses"])]
+    data = {key: _plain(values[key]) for key in TABLES if key in values}
+    data["poses"] = [{"axes": _plain(pose)} for pose in _poses(path, values["poses"])]
     try:
         protocol = validate(ProtocolConfig, data)
     except ValidationError as error:
@@ -68,22 +74,39 @@ def _text(path: Path) -> str:
 def _run(path: Path) -> dict[str, Any]:
     try:
         return runpy.run_path(str(path))
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise _unusable(path, [_failure(path, error)]) from error
 
 
 def _poses(path: Path, generator: Any) -> list[Mapping[str, float]]:
     try:
-        return [dict(pose) for pose in generator()]
-    except Exception as error:
+        poses: list[Mapping[str, float]] = [dict(pose) for pose in islice(generator(), MAX_POSES + 1)]
+    except (Exception, SystemExit) as error:
         raise _unusable(path, [_failure(path, error)]) from error
+    if len(poses) > MAX_POSES:
+        what = f"poses() yields more than {MAX_POSES} poses, and may never end; let it end"
+        raise _unusable(path, [Problem(path.name, what)])
+    return poses
 
 
-def _failure(path: Path, error: Exception) -> Problem:
+def _plain(value: Any) -> Any:
+    """Return plain numbers, lists and dictionaries for those of NumPy, at any depth."""
+    if isinstance(value, Mapping):
+        return {key: _plain(inner) for key, inner in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return [_plain(inner) for inner in value] if isinstance(value, list | tuple) else value
+
+
+def _failure(path: Path, error: BaseException) -> Problem:
     """Return where in the file an error arose, as far as the traceback tells."""
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
     line = getattr(error, "lineno", None) if isinstance(error, SyntaxError) else (lines[-1] if lines else None)
     where = f"{path.name}:{line}" if line else path.name
+    if isinstance(error, SystemExit):
+        return Problem(
+            where, "ends the program (sys.exit or the like); a protocol only states its poses. Take that out"
+        )
     return Problem(where, f"{type(error).__name__}: {error}")
 
 
