@@ -10,12 +10,16 @@ import numpy as np
 # Cameras state 1/60 s once as 0.0167 and once as 0.01665; their finest steps are a sixth of a stop, 12 %.
 SAME_TIME = 1.03
 
+_SAME_STEP = 2.0 * np.log(SAME_TIME)  # both of its ends are stated to a few percent
+
 
 def split_by_exposure(times: Sequence[float]) -> list[int]:
     """Return how many pictures each pose has, when a series of brackets is told apart by its exposure times.
 
-    A new pose begins where a time comes again. If the poses then have different times, their brackets differ, and
-    a new pose begins also where a bracket that has run up or down turns back.
+    A new pose begins where a time comes again. If the poses then have different times, the base exposure may differ
+    from pose to pose: where brackets of one length all go through the same steps, in whichever order a camera takes
+    them (0, -2, +2 EV), that is how they are split. Else a new pose begins also where a bracket that has run up or
+    down turns back.
 
     Parameters
     ----------
@@ -27,7 +31,31 @@ def split_by_exposure(times: Sequence[float]) -> list[int]:
     alike = all(
         len(a) == len(b) and all(same_time(x, y) for x, y in zip(a, b, strict=True)) for a, b in pairwise(brackets)
     )
-    return [len(bracket) for bracket in (by_repeat if alike and len(brackets) > 1 else _split(times, turning=True))]
+    if alike and len(brackets) > 1:
+        return [len(bracket) for bracket in by_repeat]
+    length = _common_length(times)
+    if length:
+        return [length] * (len(times) // length)
+    return [len(bracket) for bracket in _split(times, turning=True)]
+
+
+def _common_length(times: Sequence[float]) -> int:
+    """Return the length of brackets that all go through the same steps, from 3 up; 0 if there is none.
+
+    A series that only rises or falls is one bracket: every step of it may be the same.
+    """
+    steps = np.diff(np.log(np.asarray(times, np.float64)))
+    if np.all(steps > 0.0) or np.all(steps < 0.0):
+        return 0
+    for length in range(3, len(times) // 2 + 1):
+        if len(times) % length:
+            continue
+        relative = np.log(np.reshape(times, (-1, length)))
+        relative -= relative[:, :1]
+        apart = np.diff(np.sort(relative[0])) > np.log(SAME_TIME)
+        if apart.all() and np.all(np.ptp(relative, axis=0) < _SAME_STEP):
+            return length
+    return 0
 
 
 def _split(times: Sequence[float], turning: bool) -> list[list[float]]:

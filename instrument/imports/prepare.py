@@ -151,7 +151,7 @@ def import_facts(prepared: Import) -> list[tuple[str, str]]:
     return [
         ("camera", f"{camera.make} {camera.model}".strip() or "not stated"),
         ("frames", f"{camera.width} x {camera.height}, {camera.bit_depth} bits, {_kind(prepared)}"),
-        ("poses", f"{len(arrangement.poses)}, {len(arrangement.frames)} frames"),
+        ("poses", f"{len(arrangement.poses)}, {len(arrangement.frames)} frames{_lengths(arrangement)}"),
         ("exposure times", ", ".join(f"{time:g}" for time in arrangement.exposure_times) + " s"),
         ("black level", ", ".join(f"{level:g}" for level in dict.fromkeys(sensor.black_level))),
         ("saturation level", f"{camera.saturation_value:g}"),
@@ -164,3 +164,13 @@ def _kind(prepared: Import) -> str:
     camera = prepared.sensor.camera
     colours = camera.bayer_pattern or ("red, green, blue" if camera.n_channels == 3 else "monochrome")
     return f"{colours}, not linear" if prepared.config.response else colours
+
+
+def _lengths(arrangement: Arrangement) -> str:
+    """Return a word on brackets of different lengths, which may have been split wrongly."""
+    lengths = {len(pose) for pose in arrangement.poses}
+    if len(lengths) < 2:
+        return ""
+    return (
+        f"; brackets of {min(lengths)} to {max(lengths)} pictures: if that is wrong, state [grouping] frames_per_pose"
+    )

@@ -79,3 +79,15 @@ def test_a_stated_depth_that_cannot_be_is_refused() -> None:
 def test_the_depth_is_guessed_from_the_largest_count() -> None:
     assert [guessed_depth(bits, 0) for bits in (255, 1000, 4095, 4096, 65535)] == [10, 10, 12, 14, 16]
     assert guessed_depth(0xFFF0, 4) == 12
+
+
+@pytest.mark.parametrize("order", [(0, -2, 2), (0, 2, -2), (-2, 0, 2), (2, 0, -2), (0, -1, 1, -2, 2)])
+def test_brackets_in_the_order_of_any_maker_are_told_apart_by_their_steps(order: tuple[int, ...]) -> None:
+    """The base exposure differs from pose to pose, as with an automatic exposure."""
+    bases = [1 / 60, 1 / 80, 1 / 60, 1 / 100, 1 / 320]
+    times = [base * 2.0**stop for base in bases for stop in order]
+    assert split_by_exposure(times) == [len(order)] * len(bases)
+
+
+def test_a_series_that_only_rises_is_one_bracket() -> None:
+    assert split_by_exposure([0.01 * 2.0**i for i in range(9)]) == [9]
