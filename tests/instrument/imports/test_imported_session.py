@@ -10,7 +10,7 @@ import pytest
 import silx.io
 from silx.io.nxdata import NXdata, get_default
 
-from analysis.calibration.nominal import stated
+from analysis.calibration.nominal import nominal_setup
 from instrument.files.digests import text_digest
 from instrument.files.validation import InvalidInputError
 from instrument.recording.creation import create_session
@@ -168,7 +168,7 @@ def test_channels_that_differ_from_those_of_the_frames_are_refused(changed: Call
 
 def test_calibration_says_all_that_must_be_stated(imported: Path) -> None:
     with Session(imported) as session, pytest.raises(InvalidInputError) as caught:
-        stated(session)
+        nominal_setup(session)
     text = str(caught.value)
     for fragment in (
         "area_mm: is not stated",
