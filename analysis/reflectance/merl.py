@@ -117,7 +117,7 @@ def read_merl(path: Path) -> MerlBrdf:
 
 def _n_absurd(stored: Array) -> int:
     """Count the values that no reflectance has, measured or not."""
-    return int(np.count_nonzero(np.abs(np.nan_to_num(stored)) > _ABSURD))
+    return int(np.count_nonzero(np.isfinite(stored) & (np.abs(stored) > _ABSURD)))
 
 
 def _size_problems(path: Path) -> Iterator[Problem]:

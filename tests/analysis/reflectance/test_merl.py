@@ -133,3 +133,12 @@ def test_a_channel_without_a_measured_cell_is_named(material: MerlBrdf, path: Pa
 def test_a_file_is_never_overwritten(material: MerlBrdf, path: Path):
     with pytest.raises(FileExistsError):
         write_merl(path, material)
+
+
+def test_values_in_the_other_order_of_bytes_are_named(tmp_path: Path):
+    write_merl(tmp_path / "a.binary", merl_brdf(2))
+    content = (tmp_path / "a.binary").read_bytes()
+    swapped = np.frombuffer(content, "<f8", offset=12).byteswap().tobytes()
+    (tmp_path / "b.binary").write_bytes(content[:12] + swapped)
+    with pytest.raises(InvalidInputError, match=r"other order of bytes \(big-endian\).*Convert the file"):
+        read_merl(tmp_path / "b.binary")
