@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import re
-import shutil
 from pathlib import Path
 
 import matplotlib as mpl
 import pytest
 
-from analysis import Options, calibrate, reconstruct, write_result
+from analysis import Options, reconstruct, write_result, write_stack
 from benchmarks.common.simulated import EXAMPLES
 from instrument import load_protocol, load_rig
 from protocols.capture import capture
+from tests.synthetic import make_stack
 
 PAGE = Path(__file__).parents[1] / "docs" / "python.md"
 BLOCKS = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
@@ -30,13 +30,9 @@ rings = [
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A session, its stack and its result, each where the examples look for it."""
+    """A stack and its result, each where the examples look for it."""
     folder = tmp_path_factory.mktemp("python")
-    (folder / "few.toml").write_text(PROTOCOL, encoding="utf-8")
-    capture(load_rig(EXAMPLES / "simulated.toml"), load_protocol(folder / "few.toml"), folder / "session.h5")
-    (folder / "sessions").mkdir()
-    shutil.copy(folder / "session.h5", folder / "sessions" / "leaf.h5")
-    calibrate(folder / "session.h5", folder / "area.stack.h5", pitch=1.0)
+    write_stack(folder / "area.stack.h5", make_stack(n_views=12, size=12))
     result = reconstruct(folder / "area.stack.h5", Options(accuracy="draft", palette="off"), n_held_out=0)
     write_result(folder / "area.result.h5", result)
     return folder
@@ -53,13 +49,18 @@ def block(title: str) -> str:
     return dict(zip(TITLES, BLOCKS, strict=True))[title]
 
 
+@pytest.mark.slow
 def test_a_folder_of_sessions_is_reprocessed(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run(block("a folder of sessions"), folder, monkeypatch)
+    (tmp_path / "few.toml").write_text(PROTOCOL, encoding="utf-8")
+    (tmp_path / "sessions").mkdir()
+    session = tmp_path / "sessions" / "leaf.h5"
+    capture(load_rig(EXAMPLES / "simulated.toml"), load_protocol(tmp_path / "few.toml"), session)
+    run(block("a folder of sessions"), tmp_path, monkeypatch)
     assert re.search(r"leaf\.h5: normals to \d\.\d\d deg", capsys.readouterr().out)
     for end in (".stack.h5", ".result.h5", ".html"):
-        assert (folder / "sessions" / "leaf").with_suffix(end).exists()
+        assert session.with_suffix(end).exists()
 
 
 def test_two_dictionaries_are_compared_on_one_stack(
@@ -76,7 +77,7 @@ def test_maps_are_read_and_plotted(folder: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_three_calls_make_a_report(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # The stack that is made is there already: only what does not take minutes is run again.
+    # The stack is there already; that it is made of a session is shown above.
     text = block("three calls").replace('calibrate("session.h5", "area.stack.h5")\n', "")
     assert text.count("\n") == block("three calls").count("\n") - 1
     run(text, folder, monkeypatch)
