@@ -11,7 +11,13 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 OURS = {"analysis", "benchmarks", "cli", "drivers", "gui", "instrument", "protocols"}
 # What belongs to an extra, and says so where it is missing: the window, the drivers' test bench, Mitsuba's process.
-OF_EXTRAS = ("gui/", "drivers/contracts/", "benchmarks/mitsuba_scenes/child.py", "benchmarks/console_speed.py")
+OF_EXTRAS = (
+    "gui/",
+    "drivers/contracts/",
+    "benchmarks/reproduction/mitsuba_scenes/child.py",
+    "benchmarks/speed/console.py",
+    "benchmarks/speed/watchdog.py",
+)
 
 
 def pinned(name: str) -> dict[str, tuple[str, ...]]:
