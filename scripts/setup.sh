@@ -185,6 +185,9 @@ install_for_cameras() {
 trim() {
     find .venv/lib/python3*/site-packages -name tests -type d -prune -exec rm -rf {} +
     if ! command -v strip >/dev/null; then return; fi
+    # Names of what nobody calls from outside: LLVM's alone take 19 MB.
+    find .venv/lib/python3*/site-packages/llvmlite .venv/lib/python3*/site-packages/kiwisolver \
+        .venv/lib/python3*/site-packages/fontTools -name '*.so' -exec strip --strip-unneeded {} + || true
     strip --strip-debug .venv/lib/python3*/site-packages/hdf5plugin/plugins/*.so ||
         echo "setup: HDF5's filters keep their debug information, see above; they work all the same." >&2
 }
