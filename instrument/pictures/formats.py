@@ -30,6 +30,9 @@ def read_tiff(path: Path) -> Picture:
         except ValueError as error:
             if "imagecodecs" not in str(error):
                 raise
+            if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE:
+                # OpenCV turns some of these round itself and others not.
+                raise UnreadablePictureError("has white as 0 and is compressed; save it uncompressed") from None
             pixels = _read_with_opencv(path)
         channels_first = pixels.ndim == 3 and page.planarconfig == tifffile.PLANARCONFIG.SEPARATE
         if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE:

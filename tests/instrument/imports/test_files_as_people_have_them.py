@@ -71,6 +71,15 @@ def test_a_tiff_with_white_as_zero_is_turned_round(tmp_path: Path, dtype: Any) -
     np.testing.assert_array_equal(read_picture(tmp_path / "a.tif").pixels, light)
 
 
+def test_a_compressed_tiff_with_white_as_zero_is_never_turned_round_twice(tmp_path: Path) -> None:
+    light = (RGB16[..., 0] >> 8).astype(np.uint8)
+    Image.fromarray(255 - light).save(tmp_path / "a.tif", compression="tiff_lzw", tiffinfo={262: 0})
+    with tifffile.TiffFile(tmp_path / "a.tif") as file:
+        assert file.pages.first.photometric == tifffile.PHOTOMETRIC.MINISWHITE
+    with pytest.raises(UnreadablePictureError, match="white as 0 and is compressed; save it uncompressed"):
+        read_picture(tmp_path / "a.tif")
+
+
 @pytest.mark.parametrize(("kind", "channels"), [("separated", 4), ("cielab", 3), ("ycbcr", 3)])
 def test_a_tiff_of_other_colours_is_refused_by_their_name(tmp_path: Path, kind: str, channels: int) -> None:
     pixels = np.zeros((H, W, channels), np.uint8)
