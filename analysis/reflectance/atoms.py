@@ -95,9 +95,9 @@ class TabulatedAtom:
 
     def evaluate(self, cosines: Cosines) -> Array:
         """Return the atom's value in 1/sr, in the shape of `cosines`."""
-        i, u = _bracket(np.sqrt(1.0 - cosines.n_dot_h), np.sqrt(1.0 - np.cos(self.theta_h)))
+        i, u = bracket(np.sqrt(1.0 - cosines.n_dot_h), np.sqrt(1.0 - np.cos(self.theta_h)))
         # The nodes go through the cosine as well, so that rounding near 0 does not miss them.
-        j, v = _bracket(np.arccos(cosines.cos_d), np.arccos(np.cos(self.theta_d)))
+        j, v = bracket(np.arccos(cosines.cos_d), np.arccos(np.cos(self.theta_d)))
         i_next, j_next = np.minimum(i + 1, len(self.theta_h) - 1), np.minimum(j + 1, len(self.theta_d) - 1)
         low = (1.0 - v) * self.value[i, j] + v * self.value[i, j_next]
         high = (1.0 - v) * self.value[i_next, j] + v * self.value[i_next, j_next]
@@ -143,7 +143,7 @@ def table_problems(theta_h: Array, theta_d: Array, value: Array) -> Iterator[tup
         yield "value", f"is negative or not finite in {n_bad} of {value.size} cells; a BRDF is neither"
 
 
-def _bracket(x: Array, nodes: Array) -> tuple[NDArray[np.int64], Array]:
+def bracket(x: Array, nodes: Array) -> tuple[NDArray[np.int64], Array]:
     """Return the index of the node below each `x` and how far on to the next it is, 0 ... 1."""
     if len(nodes) == 1:
         return np.zeros(x.shape, np.int64), np.zeros(x.shape)
