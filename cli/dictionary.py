@@ -49,7 +49,7 @@ def info(name: str) -> None:
 @click.option("--categories", type=FILE, help="CSV with the columns name and category.")
 @quiet_option
 def build(folder: Path, output: Path, categories: Path | None, quiet: bool) -> None:
-    """Build a dictionary from the MERL files (*.binary) in DIR."""
+    """Build a dictionary from the files of MERL (*.binary) and of the RGL database (*_rgb.bsdf) in DIR."""
     check_new(output)
     from analysis.reflectance.dictionary_build import build_dictionary
     from analysis.reflectance.dictionary_file import write_dictionary

@@ -1,36 +1,49 @@
-"""From a folder of MERL files to a dictionary of tables over (theta_h, theta_d)."""
+"""From a folder of measured materials, of MERL or RGL, to a dictionary of tables over (theta_h, theta_d)."""
 
 from __future__ import annotations
 
 import csv
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reflectance.atoms import TabulatedAtom
+from analysis.reflectance.atoms import CHANNEL_NAMES, TabulatedAtom
 from analysis.reflectance.dictionary_file import Material, MaterialTables
+from analysis.reflectance.merl import SUFFIX as MERL_SUFFIX
 from analysis.reflectance.merl import cell_angles, fill_unmeasured, read_merl
+from analysis.reflectance.rgl_file import SUFFIX as RGL_SUFFIX
+from analysis.reflectance.rgl_file import read_rgl
 from analysis.stages import Track, untracked
 from instrument.files.digests import file_digest
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 
-SUFFIX = ".binary"
+
+class MeasuredBrdf(Protocol):
+    """What a reader returns."""
+
+    def average(self) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+        """Return means in 1/sr on MERL's grid, NaN where nothing was measured, and how many phi_d each is of."""
+        ...
+
+
+READERS: dict[str, Callable[[Path], MeasuredBrdf]] = {MERL_SUFFIX: read_merl, RGL_SUFFIX: read_rgl}
 
 MANTISSA_BITS = 12
 """How many of the 23 of a float32 are kept: 1.2e-4 of each value, for a file that compresses."""
 
 
 def build_dictionary(folder: Path, categories: Path | None = None, track: Track = untracked) -> MaterialTables:
-    """Average all MERL files of a folder over phi_d.
+    """Average all files of MERL and of the RGL database in a folder over phi_d.
 
     Parameters
     ----------
     folder : Path
-        With `.binary` files, each named after its material.
+        With `.binary` or `.bsdf` files or both, each named after its material.
     categories : Path or None
         CSV with the columns ``name`` and ``category``; may name more materials than there are.
     track : Track
@@ -47,7 +60,7 @@ def build_dictionary(folder: Path, categories: Path | None = None, track: Track 
         category = read_categories(categories) if categories else {}
     except InvalidInputError as error:
         problems.extend(error.problems)
-    files = _merl_files(folder)
+    files = _measured_files(folder)
     problems.extend(_folder_problems(folder, files))
     materials, atoms, counts = [], [], []
     for file in track(files):
@@ -56,41 +69,60 @@ def build_dictionary(folder: Path, categories: Path | None = None, track: Track 
         except InvalidInputError as error:
             problems.extend(error.problems)
             continue
-        materials.append(Material(file.stem, category.get(file.stem, ""), file.name, file_digest(file)))
+        name = _name(file)
+        materials.append(Material(name, category.get(name, ""), file.name, file_digest(file)))
         atoms.extend(made)
         counts.append(n_measured)
     raise_if_any(f"No dictionary can be built from {folder}.", problems)
     return MaterialTables(tuple(materials), tuple(atoms), np.concatenate(counts), version("halfangle"))
 
 
-def _merl_files(folder: Path) -> list[Path]:
+def _measured_files(folder: Path) -> list[Path]:
     if not folder.is_dir():
         return []
-    return sorted((f for f in folder.iterdir() if f.suffix.lower() == SUFFIX), key=lambda f: f.name.casefold())
+    return sorted((f for f in folder.iterdir() if f.suffix.lower() in READERS), key=lambda f: f.name.casefold())
+
+
+def _name(file: Path) -> str:
+    """Return the name of the material; the RGL database adds to it what the file holds."""
+    return file.stem.removesuffix("_rgb")
 
 
 def _folder_problems(folder: Path, files: list[Path]) -> Iterator[Problem]:
     if not folder.is_dir():
         yield Problem(str(folder), "is no folder")
     elif not files:
-        yield Problem(str(folder), f"holds no {SUFFIX} file; MERL's files are called like alum-bronze{SUFFIX}")
+        what = (
+            f"holds no {' and no '.join(READERS)} file; MERL's files are called like alum-bronze{MERL_SUFFIX}, "
+            f"those of the RGL database like paper_white_rgb{RGL_SUFFIX}"
+        )
+        yield Problem(str(folder), what)
     same = defaultdict(list)
     for file in files:
-        same[file.stem.casefold()].append(file.name)
+        same[_name(file).casefold()].append(file.name)
     for names in same.values():
         if len(names) > 1:
-            yield Problem(str(folder), f"{' and '.join(names)} are one material's name but for the case; keep one")
+            yield Problem(
+                str(folder), f"{' and '.join(names)} are one material's name but for the case or ending; keep one"
+            )
 
 
 def _tables(file: Path) -> tuple[list[TabulatedAtom], NDArray[np.uint8]]:
-    mean, n_measured = read_merl(file).average()
+    mean, n_measured = READERS[file.suffix.lower()](file).average()
+    raise_if_any(f"{file} cannot be averaged.", _average_problems(file, mean))
     value = _rounded(fill_unmeasured(mean))
     theta_h, theta_d, _ = cell_angles()
-    return [TabulatedAtom(file.stem, theta_h, theta_d, value[c], c) for c in range(3)], n_measured
+    return [TabulatedAtom(_name(file), theta_h, theta_d, value[c], c) for c in range(3)], n_measured
+
+
+def _average_problems(file: Path, mean: NDArray[np.float64]) -> Iterator[Problem]:
+    for name, table in zip(CHANNEL_NAMES, mean, strict=True):
+        if np.isnan(table).all():
+            yield Problem(str(file), f"no cell of {name} rests on measured values alone: fetch the file again")
 
 
 def _rounded(value: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Round to `MANTISSA_BITS`, so that the file compresses; positive values only."""
+    """Round to `MANTISSA_BITS`, so that the file compresses; no negative values."""
     drop = 23 - MANTISSA_BITS
     bits = value.astype(np.float32).view(np.uint32) + np.uint32(1 << (drop - 1))
     return ((bits >> drop) << drop).view(np.float32).astype(np.float64)

@@ -19,6 +19,8 @@ from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 
 Array = NDArray[np.float64]
 
+SUFFIX = ".binary"
+
 SHAPE = (90, 90, 180)
 
 N_BYTES = 3 * 4 + 3 * int(np.prod(SHAPE)) * 8

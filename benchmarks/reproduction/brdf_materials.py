@@ -21,8 +21,8 @@ from analysis.reflectance.atoms import AnyAtom, published
 from analysis.reflectance.categories import categories
 from analysis.reflectance.completion import N_ALIKE
 from analysis.reflectance.dictionary import Dictionary, from_published
-from analysis.reflectance.dictionary_build import SUFFIX, build_dictionary
-from analysis.reflectance.merl import SCALES, SHAPE, fill_unmeasured, read_merl
+from analysis.reflectance.dictionary_build import build_dictionary
+from analysis.reflectance.merl import SCALES, SHAPE, SUFFIX, fill_unmeasured, read_merl
 from analysis.reflectance.models import cosines_from_angles
 from benchmarks.common.scenes import material_rows
 from benchmarks.reproduction.experiment import Request, SkippedError
@@ -205,7 +205,7 @@ def _fit(table: str, name: str, row: int) -> Material:
 
 @lru_cache(maxsize=1)
 def measured(folder: Path) -> Collection:
-    """Return the materials of a folder of MERL files, which are the dictionary too.
+    """Return the materials of a folder of MERL files, which are the dictionary too, with all else of it.
 
     Raises
     ------
@@ -222,7 +222,9 @@ def measured(folder: Path) -> Collection:
         )
     tables = build_dictionary(folder)
     materials = tuple(
-        Material(m.name, categories().get(m.name, "other"), MeasuredBrdf(folder / m.file)) for m in tables.materials
+        Material(m.name, categories().get(m.name, "other"), MeasuredBrdf(folder / m.file))
+        for m in tables.materials
+        if Path(m.file).suffix.lower() == SUFFIX
     )
     return Collection(f"{n_files} MERL files of {folder.name}", materials, materials, Dictionary("MERL", tables.atoms))
 

@@ -1,4 +1,4 @@
-"""`halfangle dictionary`, run as a user runs it, on MERL files made from published fits."""
+"""`halfangle dictionary`, run as a user runs it, on files of MERL and RGL made from fits and formulas."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from analysis.results.result_file import read_result
 from cli.main import main
 from instrument.files.validation import InvalidInputError
 from tests.merl_files import write_materials
+from tests.rgl_files import lambert, rgl_bytes, rgl_fields, write_rgl
 from tests.synthetic import make_stack
 
 ROWS = {"alum_bronze": 0, "aluminium": 2, "blue_fabric": 20}
@@ -100,6 +101,30 @@ def test_a_built_dictionary_is_listed_and_looked_at(built: Path, capsys: pytest.
     assert shown[1].startswith("alum-bronze / red")
 
 
+def test_files_of_both_databases_make_one_dictionary(
+    merl: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, built = tmp_path / "both", tmp_path / "both.dictionary.h5"
+    folder.mkdir()
+    shutil.copy(merl / "aluminium.binary", folder / "aluminium.binary")
+    file = write_rgl(folder / "grey_card_rgb.BSDF", rgl_fields(lambert))
+    (tmp_path / "categories.csv").write_text("name,category\ngrey_card,paper\n")
+    assert run("dictionary", "build", folder, "-o", built, "--categories", tmp_path / "categories.csv", "-q") == 0
+    assert "2 materials, 6 atoms" in capsys.readouterr().out
+    tables = read_dictionary(built)
+    assert [(m.name, m.category, m.file) for m in tables.materials] == [
+        ("aluminium", "", "aluminium.binary"),
+        ("grey_card", "paper", "grey_card_rgb.BSDF"),
+    ]
+    assert tables.materials[1].sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
+    for atom, value in zip(tables.atoms[3:], (0.1, 0.2, 0.3), strict=True):
+        np.testing.assert_allclose(atom.value, value, rtol=0.1)
+        np.testing.assert_allclose(atom.value[:60, 0], value, rtol=0.03)
+    assert 0.6 < tables.measured_share("grey_card") < 0.9
+    assert run("dictionary", "list", built) == 0
+    assert "grey_card" in capsys.readouterr().out
+
+
 def test_a_name_that_is_neither_built_in_nor_a_file_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -147,6 +172,21 @@ def twice(folder: Path) -> None:
     shutil.copy(folder / "aluminium.binary", folder / "Aluminium.BINARY")
 
 
+def of_both_databases(folder: Path) -> None:
+    shutil.copy(folder / "aluminium.binary", folder / "felt.binary")
+    write_rgl(folder / "felt_rgb.bsdf", rgl_fields(n=5))
+
+
+def cut_rgl(folder: Path) -> None:
+    (folder / "felt_rgb.bsdf").write_bytes(rgl_bytes(rgl_fields(n=5))[:-2000])
+
+
+def never_measured(folder: Path) -> None:
+    fields = rgl_fields(n=5)
+    fields["rgb"][..., ::2, :] = fields["rgb"][..., ::2] = 0.0
+    write_rgl(folder / "felt_rgb.bsdf", fields)
+
+
 def emptied(folder: Path) -> None:
     (folder / "aluminium.binary").rename(folder / "aluminium.bin")
 
@@ -157,6 +197,7 @@ def removed(folder: Path) -> None:
 
 def all_of_them(folder: Path) -> None:
     cut(folder)
+    cut_rgl(folder)
     foreign(folder)
     twice(folder)
 
@@ -166,10 +207,19 @@ def all_of_them(folder: Path) -> None:
     [
         (cut, ["cut.binary: has 34991012 bytes"]),
         (foreign, ["begins with the sizes (45, 45, 90)"]),
-        (twice, ["are one material's name but for the case"]),
-        (emptied, ["holds no .binary file"]),
+        (twice, ["are one material's name but for the case or ending; keep one"]),
+        (of_both_databases, ["felt.binary and felt_rgb.bsdf are one material's name but for the case or ending"]),
+        (cut_rgl, ["felt_rgb.bsdf: rgb would end at byte", "the file was cut short"]),
+        (never_measured, ["felt_rgb.bsdf: no cell of red rests on measured values alone"]),
+        (
+            emptied,
+            [
+                "holds no .binary and no .bsdf file; MERL's files are called like alum-bronze.binary",
+                "paper_white_rgb.bsdf",
+            ],
+        ),
         (removed, ["is no folder"]),
-        (all_of_them, ["cut.binary", "(45, 45, 90)", "but for the case"]),
+        (all_of_them, ["cut.binary", "felt_rgb.bsdf", "(45, 45, 90)", "but for the case"]),
     ],
 )
 def test_bad_files_are_told_together_with_code_2_and_nothing_is_written(
