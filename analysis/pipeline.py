@@ -17,7 +17,7 @@ from analysis.calibration.session import calibrate_session
 from analysis.evaluation.scoring import score, truth_error
 from analysis.radiometry.frames import MergedFrames
 from analysis.reconstruction.error_budget import budget_of
-from analysis.reconstruction.options import Options
+from analysis.reconstruction.options import AUTO, Options
 from analysis.reconstruction.reconstruction import reconstruct as reconstruct_stack
 from analysis.reflectance.dictionary import by_name
 from analysis.registration.stack import Stack
@@ -136,8 +136,9 @@ def reconstruct(
         If the source or the dictionary cannot be used, or the views cannot determine normals.
     """
     options, stages = options or Options(), stages or Stages()
-    refuse_dangerous(Path(options.dictionary))
-    by_name(options.dictionary)  # before a session is registered, which takes minutes
+    if options.dictionary != AUTO:
+        refuse_dangerous(Path(options.dictionary))
+        by_name(options.dictionary)  # before a session is registered, which takes minutes
     if isinstance(source, Stack):
         return _result(source, options, stages, n_held_out, _figures(source, calibration), None)
     source = Path(source)

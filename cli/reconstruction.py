@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 import click
 
-from analysis.reconstruction.options import Accuracy, Field, Light, Options, Palette, Parallax, Power
+from analysis.reconstruction.options import Accuracy, Field, Light, Neighbours, Options, Palette, Parallax, Power
 from cli.output import (
     FILE,
     FINISHED_WITH_WARNINGS,
@@ -30,10 +30,11 @@ def _one_of(name: str, words: Any, default: str, text: str) -> Callable[[Any], A
     return click.option(name, type=click.Choice(get_args(words)), default=default, show_default=True, help=text)
 
 
-_DICTIONARY = "BRDF atoms to fit with: parametric, sgd, abc, or a file made by `halfangle dictionary build`."
+_DICTIONARY = "Atoms to fit with: auto (parametric; in domes lambert), parametric, lambert, sgd, abc, or a file."
 _LIGHT = "Where the light is: as the file says (refined if uncertain), as it says, in the lens, from the highlights."
-_PALETTE = "Whether pixels mix few materials that the scene shares, found from it, or stand on their own."
+_PALETTE = "Whether pixels mix few shared materials, found from solved pixels or by colour, or stand on their own."
 _POWER = "Whether each view's light power is corrected by what the whole scene says (needs a palette)."
+_NEIGHBOURS = "Whether normals are told by their neighbours' too, as strongly as the scene is smooth."
 _FIELD = "Whether each pixel has its own directions and fall-off, or that of the centre."
 
 
@@ -41,12 +42,13 @@ _FIELD = "Whether each pixel has its own directions and fall-off, or that of the
 @click.argument("source", type=FILE)
 @click.option("-o", "--output", type=FILE, required=True, help="Result file to write.")
 @_one_of("--accuracy", Accuracy, "normal", "How often the geometry is updated from the depth: 0, 2 or 4 times.")
-@click.option("--dictionary", default="parametric", show_default=True, metavar="NAME|FILE", help=_DICTIONARY)
+@click.option("--dictionary", default="auto", show_default=True, metavar="NAME|FILE", help=_DICTIONARY)
 @_one_of("--light", Light, "auto", _LIGHT)
 @_one_of("--parallax", Parallax, "auto", "Whether the views are made to follow the depth.")
 @_one_of("--palette", Palette, "auto", _PALETTE)
 @_one_of("--power", Power, "auto", _POWER)
 @_one_of("--field", Field, "auto", _FIELD)
+@_one_of("--neighbours", Neighbours, "auto", _NEIGHBOURS)
 @click.option("--independent", is_flag=True, help="Pixels have nothing to do with each other: no depth.")
 @click.option("--pitch", type=FiniteRange(min=0.001), help="For a session: size of a pixel, mm.")
 @click.option("--left-out", type=click.IntRange(0), default=6, show_default=True, help="Views to hold out and predict.")
@@ -62,6 +64,7 @@ def reconstruct(
     from analysis.pipeline import reconstruct as run
     from analysis.reporting.text import summary_text
     from analysis.results.result_file import write_result
+    from analysis.results.trust import failures
 
     with stage_bars(quiet=quiet) as stages:
         options, scratch = Options(**choices), output.parent
@@ -70,7 +73,7 @@ def reconstruct(
     if json_file:
         write_json(json_file, result.figures())
     click.echo(f"{output}\n{summary_text(result.summary)}")
-    if result.summary.n_unsolved == result.summary.n_pixels:
+    if failures(result.summary):
         sys.exit(FINISHED_WITH_WARNINGS)
 
 

@@ -6,20 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.evaluation.metrics import psnr_db, relative_rms
-from analysis.palette.scene import solve_scene, with_curves_refined
+from analysis.few_views.method import binning_for
 from analysis.pixels.fits import PixelFits
-from analysis.pixels.problem import PixelProblem, samples_of
+from analysis.pixels.problem import PixelProblem, sample_pixels, samples_of
 from analysis.pixels.samples import Samples
+from analysis.reconstruction.left_out import error_with_gain, fits_without, foretold, predicted
 from analysis.reconstruction.reconstruction import Reconstruction
-from analysis.reflectance.dictionary import Atom, Dictionary
+from analysis.reflectance.dictionary import lambertian
 from analysis.reflectance.models import Cosines
-from analysis.registration.stack import Stack
 from analysis.results.summary import HeldOutView
 from analysis.stages import Track, untracked
 
 Array = NDArray[np.float64]
-
-LAMBERT = Dictionary("lambert", (Atom("lambert"),))
 
 GLOSSY_CONTRAST = 2.0
 """A pixel is glossy if its curve at the smallest half angle seen is this many times that at 45 deg (or the
@@ -52,6 +50,8 @@ def hold_out(
     track : Track
         Learns how many views are done.
     """
+    if reconstruction.few_views is not None:
+        return tuple(_hold_out_few(reconstruction, int(view), len(pixels)) for view in track(views.tolist()))
     glossy = glossy_pixels(reconstruction.fits)[pixels]
     samples = samples_of(reconstruction.stack, pixels)
     return tuple(_hold_out_one(reconstruction, int(view), pixels, samples, glossy) for view in track(views.tolist()))
@@ -60,13 +60,39 @@ def hold_out(
 def _hold_out_one(
     reconstruction: Reconstruction, view: int, pixels: NDArray[np.int64], samples: Samples, glossy: NDArray[np.bool_]
 ) -> HeldOutView:
-    stack, noise = reconstruction.stack, reconstruction.noise
-    measured = np.where(samples.saturated[view] > 0, np.nan, samples.radiance[view].astype(np.float64))
-    fewer = stack.without_view(view)
-    ours = _predict(reconstruction, _fits_without(reconstruction, fewer, pixels), view, pixels)
+    stack, noise, depth = reconstruction.stack, reconstruction.noise, reconstruction.depth
+    fits = fits_without(
+        view,
+        pixels,
+        stack=stack,
+        dictionary=reconstruction.fits.dictionary,
+        noise=noise,
+        depth=depth,
+        scene=reconstruction.palette,
+    )
+    ours = predicted(fits, stack, view, pixels, depth)
     # Plain least squares for the rival: a robust one would give up the highlights at once.
-    rival = PixelProblem(fewer, LAMBERT, pixels, reconstruction.depth, samples).solve(noise, robust=False)
-    lambert = _predict(reconstruction, rival, view, pixels)
+    problem = PixelProblem(stack.without_view(view), lambertian(), pixels, depth, samples)
+    lambert = predicted(problem.solve(noise, robust=False), stack, view, pixels, depth)
+    measured = np.where(samples.saturated[view] > 0, np.nan, samples.radiance[view].astype(np.float64))
+    return _compared(view, ours, lambert, measured, glossy)
+
+
+def _hold_out_few(reconstruction: Reconstruction, view: int, n_pixels: int) -> HeldOutView:
+    """Leave a view of few out: all pixels are solved anew, since they have their materials and neighbours in common."""
+    assert reconstruction.few_views is not None
+    few = reconstruction.few_views
+    told = foretold(view, few, binning_for(few.stack), seed=0, threads=None)
+    stack = told.stack
+    pixels = sample_pixels(stack, n_pixels, np.random.default_rng(0))
+    samples = samples_of(stack, pixels)
+    rival = PixelProblem(stack.without_view(view), lambertian(), pixels, None, samples)
+    lambert = predicted(rival.solve(reconstruction.noise, robust=False), stack, view, pixels, None)
+    measured = np.where(samples.saturated[view] > 0, np.nan, samples.radiance[view].astype(np.float64))
+    return _compared(view, told.radiance[pixels], lambert, measured, glossy_pixels(told.fits)[pixels])
+
+
+def _compared(view: int, ours: Array, lambert: Array, measured: Array, glossy: NDArray[np.bool_]) -> HeldOutView:
     common = np.isfinite(ours) & np.isfinite(lambert) & np.isfinite(measured)
     measured = np.where(common, measured, np.nan)
     peak = float(np.nanmax(measured)) if common.any() else float("nan")
@@ -77,23 +103,8 @@ def _hold_out_one(
         n_glossy=int((common.any(axis=1) & glossy).sum()),
         relative_rms=relative_rms(ours, measured),
         lambert_relative_rms=relative_rms(lambert, measured),
+        relative_rms_with_gain=error_with_gain(ours, measured),
         psnr_db=psnr_db(ours, measured, peak),
         lambert_psnr_db=psnr_db(lambert, measured, peak),
         glossy_gain_db=psnr_db(ours, shiny, peak) - psnr_db(lambert, shiny, peak),
     )
-
-
-def _fits_without(reconstruction: Reconstruction, fewer: Stack, pixels: NDArray[np.int64]) -> PixelFits:
-    """Fit `pixels` to fewer views, the palette's curves refined without the one left out."""
-    noise, depth, scene = reconstruction.noise, reconstruction.depth, reconstruction.palette
-    if scene is None:
-        return PixelProblem(fewer, reconstruction.fits.dictionary, pixels, depth).solve(noise)
-    refined = with_curves_refined(scene, fewer, noise, depth)
-    return solve_scene(refined, fewer, noise, depth, None, pixels=pixels)
-
-
-def _predict(reconstruction: Reconstruction, fits: PixelFits, view: int, pixels: NDArray[np.int64]) -> Array:
-    stack = reconstruction.stack
-    points = stack.grid.points(np.nan_to_num(reconstruction.depth)).reshape(-1, 3)[pixels]
-    power = float(stack.light_power[view])
-    return fits.radiance(points, stack.camera_position[view], stack.light_position[view], power)

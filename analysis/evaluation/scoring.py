@@ -18,6 +18,7 @@ from analysis.evaluation.metrics import (
 )
 from analysis.pixels.problem import sample_pixels
 from analysis.reconstruction.reconstruction import Reconstruction
+from analysis.registration.lighting import camera_moves, theta_d_deg
 from analysis.registration.stack import Truth
 from analysis.results.summary import Summary
 from analysis.stages import Track, untracked
@@ -47,8 +48,8 @@ def score(
         Learns how many of these views are done.
     """
     stack, fits, depth = reconstruction.stack, reconstruction.fits, reconstruction.depth
-    palette, offset, budget = reconstruction.palette, reconstruction.light_offset, reconstruction.budget
-    solved = np.isfinite(fits.normals[:, 0])
+    offset, budget = reconstruction.light_offset, reconstruction.budget
+    solved, theta_d = np.isfinite(fits.normals[:, 0]), theta_d_deg(stack)
     pixels = sample_pixels(stack, n_pixels, np.random.default_rng(0))
     summary = Summary(
         n_views=stack.n_views,
@@ -57,17 +58,25 @@ def score(
         pixel_pitch_mm=stack.pixel_pitch,
         share_glossy=float(glossy_pixels(fits)[solved].mean()) if solved.any() else float("nan"),
         theta_h_range_deg=_theta_h_range(reconstruction),
+        theta_d_deg=(float(np.median(theta_d)), float(theta_d.max())),
+        camera_moves=camera_moves(stack),
         normal_sigma_deg=error_summary(np.rad2deg(fits.normal_sigma)),
         reduced_chi2=error_summary(fits.reduced_chi2),
         relative_error=reconstruction.noise.relative,
         depth_shape=shape_terms(depth, stack.pixel_pitch) if np.isfinite(depth).sum() > 5 else None,
-        n_materials=None if palette is None else palette.found.palette.n_materials,
+        n_materials=_n_materials(reconstruction),
         light_offset_mm=None if offset is None else _three(offset.value),
         light_offset_sigma_mm=None if offset is None else _three(offset.sigma),
         error_budget_deg=None if budget is None else budget.contributions,
         left_out=hold_out(reconstruction, _spread(stack.n_views, n_held_out), pixels, track),
     )
     return summary if stack.truth is None else replace(summary, **_against_truth(reconstruction, stack.truth))
+
+
+def _n_materials(reconstruction: Reconstruction) -> int | None:
+    if reconstruction.few_views is not None:
+        return reconstruction.few_views.state.n_materials
+    return None if reconstruction.palette is None else reconstruction.palette.found.palette.n_materials
 
 
 def _against_truth(reconstruction: Reconstruction, truth: Truth) -> dict[str, Any]:

@@ -25,7 +25,6 @@ from analysis.pixels.kernel import kernel
 from analysis.pixels.model import Fit, allocate_fit, evaluate, normal_equations
 from analysis.pixels.nnls import MAX_ATOMS, Work, cholesky, nnls_work, solve_lower
 from analysis.pixels.samples import (
-    NEAR_PLANAR,
     OUTLIER,
     Geometry,
     Pixel,
@@ -225,7 +224,7 @@ def _fill(px: Pixel, fit: Fit, knots: Array, system: _System, S: Array, rhs: Arr
     E[:] = 0.0
     rest[:] = 0.0
     for e in range(2):
-        D[e, e] = 1.0 / NEAR_PLANAR**2
+        D[e, e] = px.prior[3]
     own = np.empty(n_own)
     for ch in range(n_channels):
         for v in range(n_views):

@@ -17,7 +17,7 @@ from analysis.depth.integration import integrate_normals
 from analysis.palette.materials import leading_material
 from analysis.palette.search import PaletteFit, curve_sigma, curve_variance, find_palette, refine_palette
 from analysis.pixels.fits import PixelFits, joined
-from analysis.pixels.problem import Noise, PixelProblem, refined_noise, tiles
+from analysis.pixels.problem import Noise, NormalPrior, PixelProblem, refined_noise, tiles
 from analysis.reflectance.dictionary import Dictionary
 from analysis.reflectance.palette_completion import MaterialBrdfs, complete_palette
 from analysis.registration.stack import Stack
@@ -154,6 +154,7 @@ def solve_scene(
     start: Array | None,
     *,
     pixels: NDArray[np.int64] | None = None,
+    prior: NormalPrior | None = None,
     threads: int | None = None,
     track: Track = untracked,
 ) -> PixelFits:
@@ -169,6 +170,8 @@ def solve_scene(
         Normals to go on from; None = the grid's, between its pixels.
     pixels : ndarray of int, shape (P,), or None
         Flat indices of the pixels to solve; None = all.
+    prior : NormalPrior or None
+        Of these pixels; None = near-planar.
     threads : int or None
     track : Track
         Learns how many tiles of pixels are done.
@@ -177,11 +180,12 @@ def solve_scene(
     pixels = np.arange(shape[0] * shape[1]) if pixels is None else pixels
     begin = _between(scene, shape)[pixels] if start is None else start
     palette, dictionary = scene.found.palette, scene.own.dictionary
+    prior = prior or NormalPrior.near_planar(len(pixels))
     places = np.arange(len(pixels))
     fits = joined(
         [
             PixelProblem(stack, dictionary, pixels[tile], depth).solve_with_palette(
-                palette, noise, start=begin[tile], cold=start is None, threads=threads
+                palette, noise, start=begin[tile], cold=start is None, prior=prior.select(tile), threads=threads
             )
             for tile in track(list(tiles(places)))
         ]
@@ -191,7 +195,7 @@ def solve_scene(
         return fits
     own = [
         PixelProblem(stack, dictionary, pixels[tile], depth).solve(
-            noise, start=None if start is None else start[tile], threads=threads
+            noise, start=None if start is None else start[tile], prior=prior.select(tile), threads=threads
         )
         for tile in tiles(apart)
     ]

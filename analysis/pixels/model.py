@@ -20,15 +20,18 @@ from numpy.typing import NDArray
 from analysis.pixels.kernel import fast_kernel, kernel
 from analysis.pixels.mixture import Mixture, allocate_mixture, choose, fill_column, refit
 from analysis.pixels.nnls import MAX_ATOMS, Work, cholesky, nnls, residual, solve_factored
-from analysis.pixels.samples import NEAR_PLANAR, Pixel, Settings, robust_cost
+from analysis.pixels.samples import Pixel, Settings, robust_cost
 
 Array = NDArray[np.float64]
 
 Array32 = NDArray[np.float32]
 
-# Atoms narrower than the smallest half angle seen would grow without bound: the curve at theta_h = 0 is
-# held to this many times the brightest sample, one sigma. A peak that was seen hardly feels it.
+# Atoms narrower than the smallest half angle seen, or dark up to the largest, would grow without bound: the curve's
+# sum at theta_h = 0 and at 75 deg is held to this many times the brightest sample, one sigma. What was seen hardly
+# feels it.
 _PEAK = 3.0
+
+_GRAZING_T = math.sqrt(1.0 - math.cos(math.radians(75.0)))
 
 PRICED_STEP = 0.01
 """Step of the normal, rad, up to which the atoms in use stay the ones to use."""
@@ -48,7 +51,7 @@ class Fit(NamedTuple):
     each with its own part of the rows and of the table.
     """
 
-    phi: NDArray[np.float32]  # [N + 1, K]; the last row is the peak at theta_h = 0
+    phi: NDArray[np.float32]  # [N + 1, K]; the last row is the peak at theta_h = 0 with the grazing end
     mixture: Mixture  # with a palette, instead of phi
     node: NDArray[np.int64]  # [N] of the tables, below t = sqrt(1 - n.h)
     beyond: NDArray[np.float64]  # [N] fraction of a node
@@ -90,7 +93,8 @@ def allocate_fit(n_views: int, n_channels: int, settings: Settings, table: Array
     )
     if not settings.shared:
         for k in range(n_atoms):
-            fit.phi[n_views, k] = table[0, 0, k]
+            # Coefficients are positive, so that this sum holds down both ends of a curve.
+            fit.phi[n_views, k] = table[0, 0, k] + table[0, int(_GRAZING_T * (table.shape[1] - 1)), k]
     return fit
 
 
@@ -217,8 +221,8 @@ def normal_equations(
     H[:] = 0.0
     for e in range(2):
         t = t1 if e == 0 else t2
-        H[e, e] = 1.0 / NEAR_PLANAR**2
-        gradient[e] = t[2] / NEAR_PLANAR**2
+        H[e, e] = px.prior[3]
+        gradient[e] = px.prior[3] * (t[0] * px.prior[0] + t[1] * px.prior[1] + t[2] * px.prior[2])
         h, w = px.half, px.light
         for v in range(h.shape[1]):
             lit = 1.0 if px.cosine_i[v] > 0.0 else 0.0
@@ -292,7 +296,7 @@ def marginal_information(px: Pixel, fit: Fit, settings: Settings, derivative: Ar
     T, U, M, L = np.zeros((2, _N_HATS)), np.zeros((n, _N_HATS)), np.zeros((n, n)), np.zeros((n, n))
     H[:] = 0.0
     for e in range(2):
-        H[e, e] = 1.0 / NEAR_PLANAR**2
+        H[e, e] = px.prior[3]
     for group in range(fit.a.shape[0]):
         m = fit.n_active[group]
         _fill_jacobian(px, fit, settings, derivative, group)

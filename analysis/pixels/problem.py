@@ -16,7 +16,7 @@ from analysis.pixels import solver
 from analysis.pixels.fits import PixelFits
 from analysis.pixels.nnls import MAX_ATOMS
 from analysis.pixels.parallax import follow_pixels
-from analysis.pixels.samples import MIN_VIEWS, Geometry, Samples, Settings
+from analysis.pixels.samples import MIN_VIEWS, NEAR_PLANAR, Geometry, Samples, Settings
 from analysis.pixels.solver import Solution
 from analysis.reflectance.dictionary import Dictionary
 from analysis.reflectance.models import GRAZING, Cosines
@@ -57,6 +57,31 @@ class Noise:
 
     relative: float
     floor: float
+
+
+@dataclass(frozen=True)
+class NormalPrior:
+    """What is likely of normals beforehand.
+
+    Attributes
+    ----------
+    normal : ndarray, shape (P, 3)
+        Unit vectors.
+    sigma : ndarray, shape (P,)
+        One standard deviation a tangent axis, rad.
+    """
+
+    normal: Array
+    sigma: Array
+
+    def select(self, pixels: NDArray[np.int64]) -> NormalPrior:
+        """Return that of these pixels only."""
+        return NormalPrior(self.normal[pixels], self.sigma[pixels])
+
+    @classmethod
+    def near_planar(cls, n_pixels: int) -> NormalPrior:
+        """Return what is known of near-planar samples (`NEAR_PLANAR`)."""
+        return cls(np.tile([0.0, 0.0, 1.0], (n_pixels, 1)), np.full(n_pixels, NEAR_PLANAR))
 
 
 class PixelProblem:
@@ -120,6 +145,7 @@ class PixelProblem:
         light_position: Array | None = None,
         tolerance: float = 2.0,
         robust: bool = True,
+        prior: NormalPrior | None = None,
         threads: int | None = None,
     ) -> PixelFits:
         """Solve every pixel.
@@ -135,12 +161,15 @@ class PixelProblem:
             Gain in chi-square that an atom must bring to be used.
         robust : bool
             Weigh down views that do not fit.
+        prior : NormalPrior or None
+            None = `NormalPrior.near_planar`.
         threads : int or None
             None = all processors; the result does not depend on it.
         """
         settings = Settings(noise.relative, noise.floor, tolerance, MAX_ATOMS, robust, shared=False, cold=False)
         table = self.dictionary.slice_table()
-        out = self._run(settings, table.value[None], table.derivative[None], start, light_position, threads)
+        geometry = self.geometry(start, light_position, prior)
+        out = self._run(settings, table.value[None], table.derivative[None], geometry, threads)
         coefficient = out.coefficient / table.scale[np.maximum(out.atom, 0)]
         return _fits(out, self.dictionary, out.atom, coefficient)
 
@@ -151,6 +180,7 @@ class PixelProblem:
         *,
         start: Array | None = None,
         cold: bool = True,
+        prior: NormalPrior | None = None,
         threads: int | None = None,
     ) -> PixelFits:
         """Solve every pixel as a mixture of few of the palette's materials.
@@ -158,20 +188,23 @@ class PixelProblem:
         Parameters
         ----------
         palette : Palette
-        noise, start, threads
+        noise, start, prior, threads
             As `solve`.
         cold : bool
             Try the usual starts too where the one given does not fit.
         """
         n_channels = self.samples.radiance.shape[2]
         settings = Settings(noise.relative, noise.floor, MATERIAL_GAIN, MAX_MATERIALS, True, shared=True, cold=cold)
-        out = self._run(settings, *palette.tables(), start, None, threads)
+        out = self._run(settings, *palette.tables(), self.geometry(start, None, prior), threads)
         atom = np.where(out.atom >= 0, n_channels * out.atom + np.arange(n_channels)[:, None], -1).astype(np.int16)
         coefficient = np.repeat(out.coefficient, n_channels, axis=1)
         return _fits(out, palette.dictionary, atom, coefficient)
 
-    def geometry(self, start: Array | None = None, light_position: Array | None = None) -> Geometry:
+    def geometry(
+        self, start: Array | None = None, light_position: Array | None = None, prior: NormalPrior | None = None
+    ) -> Geometry:
         """Return where everything is, as the kernels take it."""
+        prior = prior or NormalPrior.near_planar(len(self.points))
         light = self.stack.light_position if light_position is None else light_position
         return Geometry(
             self.stack.camera_position,
@@ -179,6 +212,7 @@ class PixelProblem:
             self.stack.light_power,
             self.points,
             np.full((len(self.points), 3), np.nan) if start is None else start,
+            np.concatenate([prior.normal, prior.sigma[:, None] ** -2.0], axis=1),
         )
 
     def _run(
@@ -186,13 +220,11 @@ class PixelProblem:
         settings: Settings,
         value: NDArray[np.float32],
         derivative: NDArray[np.float32],
-        start: Array | None,
-        light_position: Array | None,
+        geometry: Geometry,
         threads: int | None,
     ) -> Solution:
         n_pixels, n_channels = self.samples.radiance.shape[1:]
         n_groups = 1 if settings.shared else n_channels
-        geometry = self.geometry(start, light_position)
         out = Solution(
             np.empty((n_pixels, 3)),
             np.empty((n_pixels, 3)),
@@ -237,6 +269,18 @@ def _fits(out: Solution, dictionary: Dictionary, atom: NDArray[np.int16], coeffi
         theta_h_range=np.arccos(np.clip(np.stack([high, low], axis=1), -1.0, 1.0)),
         dictionary=dictionary,
     )
+
+
+def model_error_share(stack: Stack, noise: Noise, rng: np.random.Generator) -> float:
+    """Return which share of the typical sample's variance is not its own noise but the model's error.
+
+    Neighbours have the model's error in common, so that a mean over them leaves it as it is.
+    """
+    samples = samples_of(stack, sample_pixels(stack, 600, rng))
+    own = samples.variance.astype(np.float64) + noise.floor**2
+    model = (noise.relative * samples.radiance.astype(np.float64)) ** 2
+    seen = np.isfinite(model) & np.isfinite(own) & (samples.saturated == 0)
+    return float(np.median((model / (own + model))[seen])) if seen.any() else 1.0
 
 
 def samples_of(stack: Stack, pixels: NDArray[np.int64]) -> Samples:

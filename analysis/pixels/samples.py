@@ -26,9 +26,9 @@ OUTLIER = 9.0
 """A view's weight is halved where its chi-square is this many times the expected: 3 sigma."""
 
 NEAR_PLANAR = math.radians(20.0)
-"""Prior of a normal's tilt from the plane of the sample, one sigma: near-planar samples are what this is for.
-It decides where the samples do not (few views, no highlight) and moves a normal known to 0.1 deg by 0.00003 of
-its tilt."""
+"""Prior of a normal's tilt from the plane of the sample, one sigma, where its neighbours have not been asked:
+near-planar samples are what this is for. It decides where the samples do not (few views, no highlight) and moves a
+normal known to 0.1 deg by 0.00003 of its tilt."""
 
 _LARGE = 1e100  # of a product; a factor more stays within the range of a double
 
@@ -49,6 +49,7 @@ class Geometry(NamedTuple):
     light_power: NDArray[np.float64]  # [N]; NaN = a view to leave out
     point: NDArray[np.float64]  # [P, 3]
     start: NDArray[np.float64]  # [P, 3] normals to go on from; NaN = none
+    prior: NDArray[np.float64]  # [P, 4] unit normal likely beforehand, and its precision a tangent axis, 1/rad^2
 
 
 class Settings(NamedTuple):
@@ -72,6 +73,7 @@ class Pixel(NamedTuple):
     gain: NDArray[np.float64]  # [N] d^2 / P
     light: NDArray[np.float64]  # [3, N] omega_i
     half: NDArray[np.float64]  # [3, N] h
+    prior: NDArray[np.float64]  # [4] as in `Geometry`
     cosine_h: NDArray[np.float64]  # [N]
     cosine_i: NDArray[np.float64]  # [N]
     model: NDArray[np.float64]  # [C, N]
@@ -91,6 +93,7 @@ def allocate_pixel(n_views: int, n_channels: int) -> Pixel:
         np.zeros(n_views),
         np.zeros((3, n_views)),
         np.zeros((3, n_views)),
+        np.zeros(4),
         np.zeros(n_views),
         np.zeros(n_views),
         np.zeros((n_channels, n_views)),
@@ -106,6 +109,8 @@ def load(samples: Samples, geometry: Geometry, settings: Settings, p: int, px: P
     """Directions of pixel `p`, its radiances freed of power and fall-off, and their variances."""
     n_channels, n_views = px.y.shape
     _load_directions(geometry, p, px)
+    for i in range(4):
+        px.prior[i] = geometry.prior[p, i]
     for v in range(n_views):
         gain, n_seen = px.gain[v], 0
         for ch in range(n_channels):
@@ -253,7 +258,9 @@ def judge_views(px: Pixel) -> tuple[int, int]:
 def robust_cost(px: Pixel, settings: Settings, normal: Array, kappa: float) -> float:
     """Cauchy's loss of the views, kappa log(1 + chi^2 / kappa), or plain chi-square."""
     chi2_of_views(px)
-    total: float = 2.0 * (1.0 - normal[2]) / NEAR_PLANAR**2 / px.y.shape[0]
+    # |n - n_0|^2, over the channels as the chi-square is.
+    along = normal[0] * px.prior[0] + normal[1] * px.prior[1] + normal[2] * px.prior[2]
+    total: float = 2.0 * (1.0 - along) * px.prior[3] / px.y.shape[0]
     if not (settings.robust and math.isfinite(kappa)):
         return total + float(np.sum(px.chi2))
     # Logarithms of products, since a logarithm takes longer than all else here.

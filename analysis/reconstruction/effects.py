@@ -11,14 +11,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.few_views.field import Smoother, Told, ask_neighbours
+from analysis.few_views.method import FewViews, binning_for, solve_few_views
 from analysis.light.offset import FEW_VIEWS, estimate_light_offset, pooled_light_offset
+from analysis.light.plane import TORCH_MM
 from analysis.palette.scene import MIN_SOLVED, NO_PALETTE_SHARE, ScenePalette, learn, relearn
+from analysis.pixels.fits import PixelFits
 from analysis.pixels.parallax import follow_pixels, parallax_shift
 from analysis.pixels.problem import Noise, PixelProblem, estimate_noise, sample_pixels
 from analysis.reconstruction.choices import FORCED, Choice, Chosen
-from analysis.reconstruction.options import Field, Light, Palette, Parallax, Power
-from analysis.reflectance.dictionary import Dictionary
-from analysis.registration.lighting import LightOffset, lit_from, looking_at_centre
+from analysis.reconstruction.options import AUTO, Field, Light, Neighbours, Palette, Parallax, Power
+from analysis.reflectance.dictionary import Dictionary, by_name, lambertian, parametric
+from analysis.registration.grid import Grid
+from analysis.registration.lighting import LightOffset, lit_from, looking_at_centre, theta_d_deg
 from analysis.registration.stack import Stack
 
 Array = NDArray[np.float64]
@@ -35,7 +40,21 @@ MIN_PIXELS = 400
 POWER_ERROR, POWER_GAIN = 0.004, 0.02
 """Spread of the views' power, and fall of the loss, from which on it is corrected: 0.1 % bends no normal."""
 
+MAX_THETA_D_DEG = 5.0
+"""Typical angle between camera or light and their bisector up to which a BRDF is taken for that on the slice
+theta_d = 0: a light 60 mm beside a lens at 350 mm."""
+
+NEIGHBOURS_WORTH = 0.9
+"""Neighbours are asked where they take this share of the variance of the typical normal, or less, to be left."""
+
+BY_PLANE = "the plane's mean normal puts it"
+
 _FAR, _POWER_ROUNDS = 1e4, 3
+
+_LIGHT_PIXELS = 128**2
+
+# Degrees a tangent axis for each degree of theta_d: of a glossy ball in a real dome [shi2016] with a Lambertian fit.
+_THETA_D_ERROR = 0.12
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +71,28 @@ class Lit:
 
     stack: Stack
     offset: LightOffset | None
+
+
+def choose_dictionary(stack: Stack, name: str) -> Chosen[Dictionary]:
+    """Take the dictionary that the options name, or the one that was made for light from where it comes.
+
+    Atoms are fitted on the slice theta_d = 0, where camera and light stand side by side. Far from it a wrong highlight
+    bends the normals more than none: robust weights then take highlights for wrong views of a Lambertian surface.
+    """
+    if name != AUTO:
+        return Chosen(by_name(name), Choice("dictionary", name, FORCED))
+    theta_d = theta_d_deg(stack)
+    middle, largest = float(np.median(theta_d)), float(theta_d.max())
+    text = f"camera and light stand {middle:.1f} deg from their bisector in the typical view, {largest:.1f} at most"
+    if middle <= MAX_THETA_D_DEG:
+        return Chosen(parametric(), Choice("dictionary", "parametric", text))
+    return Chosen(lambertian(), Choice("dictionary", "lambert", f"{text}; {MAX_THETA_D_DEG:g} is what atoms stand for"))
+
+
+def theta_d_sigma(stack: Stack) -> float:
+    """Return what a fit on the slice theta_d = 0 adds to the normals' error where theta_d is large, rad an axis."""
+    theta_d = float(np.median(theta_d_deg(stack)))
+    return float(np.deg2rad(_THETA_D_ERROR * theta_d)) if theta_d > MAX_THETA_D_DEG else 0.0
 
 
 def choose_field(stack: Stack, field: Field) -> Chosen[Stack]:
@@ -85,6 +126,8 @@ def choose_palette(
         return _no_palette(FORCED)
     if not surface:
         return _no_palette("independent pixels share no materials")
+    if palette == "auto" and dictionary is lambertian():
+        return _no_palette("pixels are taken as Lambertian, each with its own albedo")
     n_pixels = len(sample_pixels(stack, MIN_PIXELS, rng))
     if palette == "auto" and n_pixels < MIN_PIXELS:
         return _no_palette(f"{n_pixels} pixels are too few to tell materials; {MIN_PIXELS} are enough")
@@ -140,11 +183,24 @@ def choose_light(stack: Stack, dictionary: Dictionary, light: Light, rng: np.ran
         return Chosen(Lit(stack, None), Choice("light", chosen, text))
     if stack.camera_rotation is None:
         stack = replace(stack, camera_rotation=looking_at_centre(stack.camera_position))
+    if stack.n_views < FEW_VIEWS:
+        found = offset_of_few_views(stack)
+        return Chosen(Lit(lit_from(stack, found), found), light_choice(found, BY_PLANE))
     found = pooled_light_offset(stack)
-    if stack.n_views >= FEW_VIEWS:
-        noise = estimate_noise(lit_from(stack, found), dictionary, rng)
-        found = estimate_light_offset(stack, dictionary, noise, LightOffset(found.value, np.full(3, np.inf)), rng)
-    return Chosen(Lit(lit_from(stack, found), found), _light_choice(found))
+    noise = estimate_noise(lit_from(stack, found), dictionary, rng)
+    found = estimate_light_offset(stack, dictionary, noise, LightOffset(found.value, np.full(3, np.inf)), rng)
+    return Chosen(Lit(lit_from(stack, found), found), light_choice(found))
+
+
+def offset_of_few_views(stack: Stack) -> LightOffset:
+    """Find the light of a stack of few views, such that the mean normal is that of the plane.
+
+    From the lens on: where the file puts the light is not asked.
+    """
+    collocated = replace(stack, light_position=stack.camera_position)
+    offset = solve_few_views(collocated.binned(binning_for(stack, _LIGHT_PIXELS)), find_light=True).offset
+    assert offset is not None
+    return offset
 
 
 def light_is_uncertain(stack: Stack, light: Light) -> bool:
@@ -162,13 +218,25 @@ def refine_light(
     # What came before was found on the flat plane; its sigma does not know of the relief.
     prior = LightOffset(stack.light_offset, np.maximum(stack.light_offset_sigma, 1.0))
     found = estimate_light_offset(fitted, dictionary, noise, prior, rng, depth)
-    return Chosen(Lit(lit_from(stack, found), found), _light_choice(found))
+    return Chosen(Lit(lit_from(stack, found), found), light_choice(found))
 
 
-def _light_choice(found: LightOffset) -> Choice:
+def light_choice(found: LightOffset, who: str = "highlights put it") -> Choice:
+    """Return where the light was found, for the record."""
     (x, y), (sigma_x, sigma_y) = found.value[:2], found.sigma[:2]
-    text = f"highlights put it at ({x:.2f}, {y:.2f}) ± ({sigma_x:.2f}, {sigma_y:.2f}) mm from the lens"
+    text = f"{who} at ({x:.2f}, {y:.2f}) ± ({sigma_x:.2f}, {sigma_y:.2f}) mm from the lens"
+    if float(np.hypot(x, y)) > 1.5 * TORCH_MM[1]:
+        text += f"; a telephone's torch stands {TORCH_MM[0]:g} to {TORCH_MM[1]:g} mm from it: do not believe it"
     return Choice("light", "offset", text)
+
+
+def may_be_few_views(stack: Stack, palette: Palette, *, surface: bool) -> bool:
+    """Tell whether materials by colour may serve the scene better than those of pixels that were solved first."""
+    if palette == "colour":
+        return surface
+    enough = stack.grid.height * stack.grid.width >= MIN_PIXELS
+    collocated = float(np.median(theta_d_deg(stack))) <= MAX_THETA_D_DEG
+    return palette == "auto" and surface and enough and collocated and stack.n_views < FEW_VIEWS
 
 
 def choose_parallax(
@@ -208,6 +276,44 @@ def choose_parallax(
         f"{loss['along']:.2f} along the depth, {loss['against']:.2f} against it"
     )
     return Chosen(follow, Choice("parallax", "on" if follow else "off", text))
+
+
+def choose_neighbours(
+    fits: PixelFits,
+    grid: Grid,
+    material: NDArray[np.int64],
+    neighbours: Neighbours,
+    rng: np.random.Generator,
+) -> Chosen[Told | None]:
+    """Ask pixels' neighbours about their normals, unless these are known far better than neighbours are alike."""
+    if neighbours == "off" or np.isfinite(fits.normals[:, 0]).sum() < MIN_PIXELS:
+        reason = FORCED if neighbours == "off" else f"fewer than {MIN_PIXELS} pixels are solved"
+        return Chosen(None, Choice("neighbours", "off", reason))
+    told = ask_neighbours(fits, (grid.height, grid.width), material, rng)
+    own = np.rad2deg(np.sqrt(told.inflation) * float(np.nanmedian(fits.normal_sigma)))
+    spread = np.rad2deg(np.sqrt(told.inflation) * float(np.median(told.prior.sigma)))
+    left = spread**2 / (spread**2 + own**2)
+    text = (
+        f"they tell a normal to {spread:.2g} deg a tangent axis, its own samples to {own:.2g}; "
+        f"{smoother_text(told.smoother)}"
+    )
+    use = neighbours == "on" or left <= NEIGHBOURS_WORTH
+    return Chosen(told if use else None, Choice("neighbours", "on" if use else "off", text))
+
+
+def smoother_text(smoother: Smoother) -> str:
+    """Return how a field is smoothed, for the record."""
+    twice, within = ", twice" if smoother.twice else "", ", within a material" if smoother.within else ""
+    return f"Gaussian of {smoother.width:g} pixels{twice}{within}, {smoother.gradient:.0%} towards a gradient field"
+
+
+def power_choice(few: FewViews) -> Choice:
+    """Return what was done with the powers of few views, for the record."""
+    found = few.log_power[np.isfinite(few.log_power)]
+    if not found.any():
+        return Choice("light power", "given", "stated with the views, or forced by option")
+    factors = ", ".join(f"{f:.2f}" for f in np.exp(found))
+    return Choice("light power", "per view", f"found with all else, against those stated: {factors}")
 
 
 def depth_has_settled(stack: Stack, used: Array, found: Array, follow: bool, n_updates: int) -> Chosen[bool]:

@@ -14,9 +14,12 @@ from instrument.files.validation import Problem, raise_if_any
 Accuracy = Literal["draft", "normal", "best"]
 Light = Literal["auto", "given", "collocated", "estimate"]
 Parallax = Literal["auto", "on", "off"]
-Palette = Literal["auto", "on", "off"]
+Palette = Literal["auto", "on", "colour", "off"]
 Power = Literal["auto", "given", "estimate"]
 Field = Literal["auto", "near", "far"]
+Neighbours = Literal["auto", "on", "off"]
+
+AUTO = "auto"
 
 ACCURACIES: dict[Accuracy, int] = {"draft": 0, "normal": 2, "best": 4}
 """How often geometry is updated from the depth at the most; it ends where another update would move nothing."""
@@ -28,6 +31,7 @@ _WORDS = {
     "palette": Palette,
     "power": Power,
     "field": Field,
+    "neighbours": Neighbours,
 }
 
 
@@ -38,7 +42,8 @@ class Options:
     Attributes
     ----------
     dictionary : str
-        ``"parametric"``, ``"sgd"``, ``"abc"`` or a file of `halfangle dictionary build`.
+        ``"auto"`` (parametric; Lambertian where camera and light stand far apart), ``"parametric"``, ``"lambert"``,
+        ``"sgd"``, ``"abc"`` or a file of `halfangle dictionary build`.
     accuracy : {"draft", "normal", "best"}
         Most geometry updates, `ACCURACIES`.
     light : {"auto", "given", "collocated", "estimate"}
@@ -46,12 +51,15 @@ class Options:
         the stack says and refined from the highlights if it says that it is uncertain.
     parallax : {"auto", "on", "off"}
         Whether views are resampled to follow the depth.
-    palette : {"auto", "on", "off"}
-        Whether pixels are mixtures of few materials that the scene shares, found from it, or each on its own.
+    palette : {"auto", "on", "colour", "off"}
+        Whether pixels are mixtures of few materials that the scene shares, found from pixels that were first solved
+        each on its own ("on") or, for few views, from their colours ("colour"); or each on its own.
     power : {"auto", "given", "estimate"}
         Whether each view's light power is corrected by what the whole scene says.
     field : {"auto", "near", "far"}
         Whether directions and fall-off are each pixel's own or those of the centre.
+    neighbours : {"auto", "on", "off"}
+        Whether a normal is told by its neighbours' too, as strongly as the scene is smooth.
     independent : bool
         Pixels have nothing to do with each other: no depth.
     tolerance : float
@@ -67,13 +75,14 @@ class Options:
         With every option that has a value which is not allowed.
     """
 
-    dictionary: str = "parametric"
+    dictionary: str = AUTO
     accuracy: Accuracy = "normal"
     light: Light = "auto"
     parallax: Parallax = "auto"
     palette: Palette = "auto"
     power: Power = "auto"
     field: Field = "auto"
+    neighbours: Neighbours = "auto"
     independent: bool = False
     tolerance: float = 2.0
     seed: int = 0

@@ -9,25 +9,44 @@ from numpy.typing import NDArray
 
 from analysis.depth.integration import integrate_normals
 from analysis.depth.uncertainty import depth_sigma
+from analysis.few_views.method import FewViews, solve_few_views
+from analysis.few_views.solution import fits_of, materials_of
+from analysis.palette.materials import leading_material
 from analysis.palette.scene import ScenePalette, relearn, solve_scene, with_curve_error
 from analysis.pixels.fits import PixelFits, joined
 from analysis.pixels.identifiability import view_problems
-from analysis.pixels.problem import Noise, PixelProblem, estimate_noise, tiles
+from analysis.pixels.problem import (
+    Noise,
+    NormalPrior,
+    PixelProblem,
+    estimate_noise,
+    model_error_share,
+    tiles,
+)
 from analysis.reconstruction.choices import FORCED, Choice, Chosen
 from analysis.reconstruction.effects import (
+    BY_PLANE,
+    Lit,
+    choose_dictionary,
     choose_field,
     choose_light,
+    choose_neighbours,
     choose_palette,
     choose_parallax,
     choose_power,
     depth_has_settled,
+    light_choice,
     light_is_uncertain,
+    may_be_few_views,
+    power_choice,
     refine_light,
+    smoother_text,
+    theta_d_sigma,
 )
 from analysis.reconstruction.error_budget import ErrorBudget, error_budget
 from analysis.reconstruction.gross_shape import NO_SHAPE, gross_shape, shape_choice
+from analysis.reconstruction.left_out import trial
 from analysis.reconstruction.options import ACCURACIES, Options
-from analysis.reflectance import dictionary as dictionaries
 from analysis.reflectance.palette_completion import MaterialBrdfs
 from analysis.registration.lighting import LightOffset
 from analysis.registration.stack import Stack
@@ -35,6 +54,9 @@ from analysis.stages import Stages
 from instrument.files.validation import raise_if_any
 
 Array = NDArray[np.float64]
+
+WORSE = 0.95
+"""A palette is given up where views left out are predicted so much better without it."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +75,9 @@ class Reconstruction:
     light_offset : LightOffset or None
         Where it was estimated.
     palette : ScenePalette or None
-        Where one was used.
+        Where one was used that was found from solved pixels.
+    few_views : FewViews or None
+        Where materials were told by colour.
     materials : MaterialBrdfs or None
         The palette's materials over all angles.
     choices : tuple of Choice
@@ -68,6 +92,7 @@ class Reconstruction:
     noise: Noise
     light_offset: LightOffset | None
     palette: ScenePalette | None
+    few_views: FewViews | None
     materials: MaterialBrdfs | None
     choices: tuple[Choice, ...]
     budget: ErrorBudget | None
@@ -104,6 +129,8 @@ def reconstruct(stack: Stack, options: Options | None = None, stages: Stages | N
         run.update_geometry(first=update == 0)
         if run.has_settled(update + 1):
             break
+    run.ask_neighbours()
+    run.try_colours()
     return run.result()
 
 
@@ -113,9 +140,11 @@ class _Run:
     def __init__(self, stack: Stack, options: Options, stages: Stages) -> None:
         self.options, self.stages = options, stages
         self.rng = np.random.default_rng(options.seed)
-        self.dictionary = dictionaries.by_name(options.dictionary)
+        dictionary = choose_dictionary(stack, options.dictionary)
+        self.dictionary = dictionary.value
         self.surface = stack.pixels == "surface" and not options.independent
         self.fits: PixelFits | None = None
+        self.few: FewViews | None = None
         self.follow = False
         self.depth = np.full(stack.grid.points().shape[:2], np.nan)
         self.new_depth: Array | None = None
@@ -125,6 +154,7 @@ class _Run:
             self.light = choose_light(field.value, self.dictionary, options.light, self.rng)
             stack = self.light.value.stack
             self.noise = estimate_noise(stack, self.dictionary, self.rng)
+        self.stated_power = stack.light_power
         with stages.measure("palette"):
             palette = choose_palette(stack, self.dictionary, self.noise, options.palette, self.surface, self.rng)
             power = choose_power(stack, palette.value, self.noise, options.power)
@@ -132,26 +162,53 @@ class _Run:
             if self.scene is not None:
                 self.noise = self.scene.noise(stack, self.noise)
         self.stack = self.fitted = stack
-        self.effects = [field.choice, palette.choice, power.choice]
+        self.effects = [dictionary.choice, field.choice, palette.choice, power.choice]
         self.updates = Chosen(False, Choice("depth updates", "0", FORCED))
 
     def solve(self, depth: Array | None) -> None:
         """Solve all pixels with the geometry as it is."""
         with self.stages.measure("normals and BRDF"):
-            start, threads = None if self.fits is None else self.fits.normals, self.options.threads
-            track = self.stages.track
-            if self.scene is not None:
-                fits = solve_scene(self.scene, self.fitted, self.noise, depth, start, threads=threads, track=track)
-                self.fits = with_curve_error(fits, self.scene, self.fitted, self.noise, depth)
-            else:
-                tolerance, pixels = self.options.tolerance, np.arange(self.depth.size)
-                parts = [
-                    PixelProblem(self.fitted, self.dictionary, tile, depth).solve(
-                        self.noise, start=None if start is None else start[tile], tolerance=tolerance, threads=threads
-                    )
-                    for tile in track(list(tiles(pixels)))
-                ]
-                self.fits = joined(parts)
+            self.fits = self._solved(depth, None if self.fits is None else self.fits.normals)
+
+    def _solved(self, depth: Array | None, start: Array | None, prior: NormalPrior | None = None) -> PixelFits:
+        threads, track = self.options.threads, self.stages.track
+        if self.scene is not None:
+            fits = solve_scene(
+                self.scene, self.fitted, self.noise, depth, start, prior=prior, threads=threads, track=track
+            )
+            return with_curve_error(fits, self.scene, self.fitted, self.noise, depth)
+        tolerance, pixels = self.options.tolerance, np.arange(self.depth.size)
+        parts = [
+            PixelProblem(self.fitted, self.dictionary, tile, depth).solve(
+                self.noise,
+                start=None if start is None else start[tile],
+                prior=None if prior is None else prior.select(tile),
+                tolerance=tolerance,
+                threads=threads,
+            )
+            for tile in track(list(tiles(pixels)))
+        ]
+        return joined(parts)
+
+    def ask_neighbours(self) -> None:
+        """Solve once more with what neighbours say of each other's normals, where that tells them better."""
+        if not self.surface:
+            return
+        assert self.fits is not None
+        alone, depth = self.fits, None if np.isnan(self.depth).all() else self.depth
+        with self.stages.measure("neighbours"):
+            material = np.zeros(len(alone.normals), np.int64) if self.scene is None else leading_material(alone)
+            chosen = choose_neighbours(alone, self.stack.grid, material, self.options.neighbours, self.rng)
+            self.effects.append(chosen.choice)
+            if chosen.value is None:
+                return
+            told = chosen.value
+            fits = self._solved(depth, told.prior.normal, told.prior)
+            # A mean over neighbours leaves the model's error as it is.
+            common = model_error_share(self.fitted, self.noise, self.rng)
+            covariance = (1.0 - common) * told.inflation * fits.covariance + common * alone.covariance
+            self.fits = replace(fits, covariance=covariance)
+            self.new_depth = None
 
     def update_geometry(self, *, first: bool) -> None:
         """Integrate the depth, let views, light and palette follow it, and solve again."""
@@ -177,6 +234,71 @@ class _Run:
                 self.scene = relearn(self.scene, self.fitted, self.noise, self.depth)
                 self.noise = self.scene.noise(self.fitted, self.noise, self.depth)
         self.solve(self.depth)
+
+    def try_colours(self) -> None:
+        """Solve anew with materials by colour, where that predicts views left out better; on their own likewise."""
+        if not may_be_few_views(self.stack, self.options.palette, surface=self.surface):
+            return
+        with self.stages.measure("few views"):
+            few = solve_few_views(
+                replace(self.stack, light_power=self.stated_power),
+                find_power=self.options.power != "given" and self.stack.light_power_sigma is None,
+                find_light=self._light_is_unknown(),
+                seed=self.options.seed,
+                threads=self.options.threads,
+                track=self.stages.track,
+            )
+        if self.options.palette == "colour":
+            self._take(few, FORCED)
+            return
+        with self.stages.measure("few views"):
+            tried = trial(
+                few,
+                stack=self.fitted,
+                dictionary=self.dictionary,
+                noise=self.noise,
+                depth=self.depth,
+                scene=self.scene,
+                seed=self.options.seed,
+                threads=self.options.threads,
+            )
+        if tried.colour < min(tried.palette, tried.alone):
+            self._take(few, tried.text)
+        elif self.scene is not None and tried.alone < WORSE * tried.palette:
+            self._drop_palette(tried.text)
+
+    def _light_is_unknown(self) -> bool:
+        """Whether nobody said where the light stands, so that the plane may tell."""
+        if self.options.light in {"given", "collocated"} or self.stack.camera_rotation is None:
+            return False
+        in_lens = np.allclose(self.stack.light_position, self.stack.camera_position)
+        return self.options.light == "estimate" or (in_lens and self.stack.light_offset is None)
+
+    def _take(self, few: FewViews, reason: str) -> None:
+        """Go on with the solution of few views."""
+        self.few, self.scene, self.follow = few, None, False
+        self.stack = self.fitted = few.stack
+        self.fits, self.new_depth = fits_of(few), None
+        self.noise = Noise(float(np.median(few.state.sigma[few.state.leading()])), few.state.dark)
+        if few.offset is not None:
+            self.light = Chosen(Lit(few.stack, few.offset), light_choice(few.offset, BY_PLANE))
+        flat = "materials by colour take the sample as flat"
+        self.effects = [
+            *self.effects[:2],
+            Choice("palette", f"{few.state.n_materials} materials by colour", reason),
+            power_choice(few),
+            Choice("parallax", "off", flat),
+            Choice("neighbours", "on", smoother_text(few.smoother)),
+        ]
+        self.updates = Chosen(True, Choice("depth updates", "0", flat))
+
+    def _drop_palette(self, reason: str) -> None:
+        """Solve all pixels on their own after all."""
+        self.scene = None
+        self.effects = [c for c in self.effects if c.effect not in {"palette", "neighbours"}]
+        self.effects.insert(2, Choice("palette", "off", reason))
+        self.solve(None if np.isnan(self.depth).all() else self.depth)
+        self.ask_neighbours()
 
     def _tie_to_plane(self) -> None:
         """Correct the depth's level, tilt and bowl by what the parallax between the views says of them."""
@@ -229,6 +351,7 @@ class _Run:
         self.effects.append(Choice("relative error", f"{self.noise.relative:.4f}", text))
         materials = self._complete()
         budget = self._budget()
+        self.fits = self.fits.widened(theta_d_sigma(self.stack))
         return Reconstruction(
             fits=self.fits,
             depth=self.depth,
@@ -237,6 +360,7 @@ class _Run:
             noise=self.noise,
             light_offset=self.light.value.offset,
             palette=self.scene,
+            few_views=self.few,
             materials=materials,
             choices=(self.light.choice, *self.effects),
             budget=budget,
@@ -255,11 +379,15 @@ class _Run:
 
     def _complete(self) -> MaterialBrdfs | None:
         """Give the palette's materials their values beyond the slice, for views from elsewhere."""
-        if self.scene is None:
+        if self.scene is None and self.few is None:
             return None
         assert self.fits is not None
         with self.stages.measure("palette"):
-            materials = self.scene.brdfs(self.fitted, self.noise, self.depth if self.surface else None)
+            if self.few is not None:
+                materials = materials_of(self.few, self.fits)
+            else:
+                assert self.scene is not None
+                materials = self.scene.brdfs(self.fitted, self.noise, self.depth if self.surface else None)
             self.fits = replace(self.fits, dictionary=materials.dictionary(self.fits.dictionary))
         return materials
 

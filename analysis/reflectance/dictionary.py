@@ -28,6 +28,7 @@ __all__ = [
     "TabulatedAtom",
     "by_name",
     "from_published",
+    "lambertian",
     "parametric",
     "published",
 ]
@@ -116,6 +117,12 @@ def parametric() -> Dictionary:
 
 
 @cache
+def lambertian() -> Dictionary:
+    """Return the dictionary of one atom, the Lambertian: for light that no other atom was made for."""
+    return Dictionary("lambert", (Atom("lambert"),))
+
+
+@cache
 def from_published(name: str) -> Dictionary:
     """Return the dictionary of a published table: each material's three channels as three atoms."""
     n_materials = len(published(name))
@@ -128,7 +135,8 @@ def by_name(name: str) -> Dictionary:
     Parameters
     ----------
     name : str
-        ``"parametric"``, ``"sgd"``, ``"abc"``, or the path of a file (`analysis.reflectance.dictionary_file`).
+        ``"parametric"``, ``"lambert"``, ``"sgd"``, ``"abc"``, or the path of a file
+        (`analysis.reflectance.dictionary_file`).
 
     Raises
     ------
@@ -137,12 +145,14 @@ def by_name(name: str) -> Dictionary:
     """
     if name == "parametric":
         return parametric()
+    if name == "lambert":
+        return lambertian()
     if name in PUBLISHED:
         return from_published(name)
     if Path(name).is_file():
         return Dictionary(Path(name).name, read_dictionary(Path(name)).atoms)
     what = (
-        f"is {name!r}, and there is no such file; built in are 'parametric', 'sgd' and 'abc'. "
+        f"is {name!r}, and there is no such file; built in are 'parametric', 'lambert', 'sgd' and 'abc'. "
         "Choose one of these or a file that `halfangle dictionary build` wrote"
     )
     raise InvalidInputError("The dictionary cannot be used.", [Problem("dictionary", what)])

@@ -16,6 +16,7 @@ _SHOWN_DEG = (0, 5, 20, 45, 70)
 def built_in_text() -> str:
     """Return a line about each dictionary that is built in."""
     sources = {
+        "lambert": "one Lambertian atom; what is taken where camera and light stand far apart",
         "parametric": "diffuse, grazing and lobe shapes; needs no measured data (default)",
         "sgd": "100 MERL materials as fitted by Bagher et al. 2012, three channels each",
         "abc": "100 MERL materials as fitted by Low et al. 2012, three channels each",

@@ -33,6 +33,21 @@ def light_position(stack: Stack, offset: Array) -> Array:
     return np.asarray(stack.camera_position + np.einsum("nij,i->nj", stack.camera_rotation, offset))
 
 
+def theta_d_deg(stack: Stack) -> Array:
+    """Return half the angle between the directions to camera and light, seen from the centre, degrees, shape (N,)."""
+    camera, light = (
+        p / np.linalg.norm(p, axis=1, keepdims=True) for p in (stack.camera_position, stack.light_position)
+    )
+    chord = np.linalg.norm(camera - light, axis=1)
+    return np.asarray(np.rad2deg(np.arcsin(np.clip(0.5 * chord, 0.0, 1.0))))
+
+
+def camera_moves(stack: Stack) -> bool:
+    """Tell whether the directions to the camera differ by more than a degree."""
+    d = stack.camera_position / np.linalg.norm(stack.camera_position, axis=1, keepdims=True)
+    return bool(np.linalg.norm(d - d.mean(axis=0), axis=1).max() > np.deg2rad(1.0))
+
+
 def lit_from(stack: Stack, offset: LightOffset) -> Stack:
     """Return the stack with its light elsewhere.
 

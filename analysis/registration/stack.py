@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,6 +101,30 @@ class Stack:
         """Whether it says how well its geometry and its light are known."""
         stated = (self.light_offset_sigma, self.light_power_sigma, self.registration_sigma, self.falloff_sigma)
         return any(value is not None for value in stated)
+
+    def binned(self, n: int) -> Stack:
+        """Return the stack with squares of n x n pixels averaged, what is left over at the border cut off."""
+        if n == 1:
+            return self
+        height, width = self.radiance.shape[1] // n, self.radiance.shape[2] // n
+
+        def squares(view: NDArray[Any]) -> NDArray[Any]:
+            cut = view[: height * n, : width * n].reshape(height, n, width, n, -1)
+            return cut.transpose(0, 2, 4, 1, 3).reshape(height, width, -1, n * n)
+
+        def binned(views: Any, reduce: Callable[[NDArray[Any]], NDArray[Any]], dtype: type) -> Any:
+            return None if views is None else np.stack([reduce(squares(v)).astype(dtype) for v in views])
+
+        return replace(
+            self,
+            # A square that a view sees in part is not seen by it.
+            radiance=binned(self.radiance, lambda s: s.mean(axis=-1), np.float32),
+            variance=binned(self.variance, lambda s: s.mean(axis=-1) / n**2, np.float32),
+            saturated=binned(self.saturated, lambda s: s.max(axis=-1), np.uint8),
+            pixel_pitch=self.pixel_pitch * n,
+            followed=None if self.followed is None else squares(self.followed).mean(axis=-1)[..., 0],
+            truth=None,
+        )
 
     def without_view(self, view: int) -> Stack:
         """Return the stack with one view that no solver looks at; no radiance is copied."""

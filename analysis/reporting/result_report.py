@@ -18,19 +18,12 @@ from analysis.drawing.figures import STYLE, Point, group_map, picture, png, scal
 from analysis.palette.materials import group_materials
 from analysis.reflectance.models import Cosines
 from analysis.results.result import FLAG_NAMES, MODEL_NAMES, Result, diffuse_albedo, model_used
+from analysis.results.trust import cautions, failures
 from instrument.files.whole_file import write_whole
 
 Array = NDArray[np.float64]
 
 N_PICKED = 4
-
-NOTHING_SOLVED = (
-    "NO PIXEL IS SOLVED: the maps are empty. The flags say why: too few views see a pixel, or the pictures are black "
-    "or clipped. Look at the stack and at its light."
-)
-
-NARROW_RANGE_DEG = 30.0
-"""Largest half angle below which a curve's tail, and with it the diffuse part, is mostly extrapolated."""
 
 Kind = type | tuple[type, ...] | dict[str, Any] | list[Any]
 
@@ -53,7 +46,8 @@ def write_report(path: Path, result: Result, title: str) -> None:
     page = environment.get_template("report.html").render(
         title=title,
         headline=_headline(result),
-        advice=_advice(result),
+        failures=failures(result.summary),
+        advice=cautions(result.summary),
         maps=_maps(result, groups, picked),
         curves=_encode(_curves(result, picked)) if picked else "",
         left_out=result.summary.left_out,
@@ -120,29 +114,6 @@ def _headline(result: Result) -> list[tuple[str, str]]:
             )
         )
     return rows
-
-
-def _advice(result: Result) -> list[str]:
-    """Return what a user must know before trusting the maps."""
-    s = result.summary
-    low, high = s.theta_h_range_deg
-    advice = []
-    if high < NARROW_RANGE_DEG:
-        advice.append(
-            f"The typical pixel was seen at half angles of {low:.1f} to {high:.1f} deg only. Beyond them the BRDF is "
-            "extrapolated, diffuse albedo and normals trade against each other, and the stated sigma does not cover "
-            "that. Add poses with more tilt."
-        )
-    if s.n_unsolved == s.n_pixels:
-        return [NOTHING_SOLVED]
-    if s.n_unsolved:
-        advice.append(f"{s.n_unsolved} of {s.n_pixels} pixels are unsolved; the flags below say why.")
-    if s.relative_error > 0.03:
-        advice.append(
-            f"Residuals are {100 * s.relative_error:.1f} % of the radiance: check gamma, exposure times, "
-            "registration and the light's position."
-        )
-    return advice
 
 
 def _maps(result: Result, groups: NDArray[np.int16], picked: list[Point]) -> list[tuple[str, str]]:

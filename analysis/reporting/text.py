@@ -8,9 +8,9 @@ import numpy as np
 
 from analysis.reporting.calibration_report import CalibrationReport
 from analysis.reporting.checks import Status, by_severity, count
-from analysis.reporting.result_report import NOTHING_SOLVED
 from analysis.results.points import USES, PointCurve, PointSamples
 from analysis.results.summary import Summary
+from analysis.results.trust import cautions, failures
 from analysis.stages import Stages
 from instrument.files.text_table import text_table
 from instrument.files.validation import LINE_BREAK, printable
@@ -59,19 +59,18 @@ def summary_text(summary: Summary) -> str:
         text.append(f"plane and bowl in the depth: tilt {tilt}, bowl {s.depth_shape.sag:.4f} mm deep")
     if s.error_budget_deg is not None:
         text.append(budget_text(s.error_budget_deg))
-    if s.n_unsolved == s.n_pixels:
-        text.append(NOTHING_SOLVED)
-    elif s.n_unsolved:
-        text.append(f"{s.n_unsolved} of {s.n_pixels} pixels unsolved (see flags)")
     if s.left_out:
         text.append(_held_out_table(s))
+    text += [*cautions(s), *failures(s)]
     return "\n".join(text)
 
 
 def _held_out_table(summary: Summary) -> str:
-    rows = [("view left out", "relative RMS", "Lambertian", "PSNR dB", "Lambertian", "gain on glossy dB")]
+    head = ("view left out", "relative RMS", "free gain", "Lambertian", "PSNR dB", "Lambertian", "gain on glossy dB")
+    rows: list[tuple[str, ...]] = [head]
     for v in summary.left_out:
-        shares = f"{100 * v.relative_rms:.2f} %", f"{100 * v.lambert_relative_rms:.2f} %"
+        with_gain = v.relative_rms if v.relative_rms_with_gain is None else v.relative_rms_with_gain
+        shares = [f"{100 * share:.2f} %" for share in (v.relative_rms, with_gain, v.lambert_relative_rms)]
         levels = f"{v.psnr_db:.1f}", f"{v.lambert_psnr_db:.1f}", f"{v.glossy_gain_db:.1f}"
         rows.append((str(v.view), *shares, *levels))
     return text_table(rows)

@@ -64,6 +64,9 @@ class HeldOutView:
         Against the brightest unclipped measured value of the view.
     glossy_gain_db : float
         How far the dictionary's PSNR lies above the Lambertian one on glossy pixels; NaN if there are none.
+    relative_rms_with_gain : float or None
+        As `relative_rms`, after one free factor on the prediction: without what nobody can know of a view's exposure.
+        None in files that were written before it was told.
     """
 
     view: int
@@ -74,6 +77,7 @@ class HeldOutView:
     psnr_db: float
     lambert_psnr_db: float
     glossy_gain_db: float
+    relative_rms_with_gain: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +100,10 @@ class Summary:
         Of the solved pixels.
     theta_h_range_deg : (float, float)
         Smallest and largest half angle that the typical pixel was seen at, degrees.
+    theta_d_deg : (float, float), or None
+        Half the angle between the directions to camera and light: of the typical view, and the largest.
+    camera_moves : bool or None
+        Whether the camera looks from several directions. None, as `theta_d_deg`, in files from before it was told.
     normal_sigma_deg : Quantiles
         Stated standard deviation of the normals per tangent axis, degrees.
     reduced_chi2 : Quantiles or None
@@ -130,6 +138,8 @@ class Summary:
     pixel_pitch_mm: float | None = None
     share_glossy: float | None = None
     theta_h_range_deg: tuple[float, float]
+    theta_d_deg: tuple[float, float] | None = None
+    camera_moves: bool | None = None
     normal_sigma_deg: Quantiles
     reduced_chi2: Quantiles | None = None
     relative_error: float

@@ -58,8 +58,8 @@ def test_the_stated_sigma_of_depth_is_of_the_size_of_its_error(reconstruction: R
 
 def test_every_choice_is_recorded_with_its_reason(reconstruction: Reconstruction):
     made = choices(reconstruction)
-    effects = {"light", "field", "palette", "light power", "relative error", "parallax", "depth updates"}
-    assert set(made) == effects
+    effects = {"light", "dictionary", "field", "palette", "light power", "relative error", "parallax", "depth updates"}
+    assert set(made) == effects | {"neighbours"}
     assert made["light"] == ("collocated", "0.00 mm from the lens, as the stack says")
     assert all(reason for _, reason in made.values())
     assert reconstruction.choices[0].effect == "light"
@@ -69,7 +69,7 @@ def test_the_stages_are_timed(stack: Stack):
     announced: list[str] = []
     stages = Stages(announced.append)
     reconstruct(stack, Options(accuracy="draft"), stages)
-    assert set(announced) == {"noise and light", "palette", "normals and BRDF", "depth"}
+    assert set(announced) == {"noise and light", "palette", "normals and BRDF", "neighbours", "depth"}
     assert {stage.name for stage in stages} == set(announced)
     assert all(stage.seconds > 0.0 and stage.peak_mb > 0.0 for stage in stages)
 
