@@ -122,15 +122,9 @@ def choose_palette(
     stack: Stack, dictionary: Dictionary, noise: Noise, palette: Palette, surface: bool, rng: np.random.Generator
 ) -> Chosen[ScenePalette | None]:
     """Find the scene's materials, unless its pixels have nothing in common."""
-    if palette == "off":
-        return _no_palette(FORCED)
-    if not surface:
-        return _no_palette("independent pixels share no materials")
-    if palette == "auto" and dictionary is lambertian():
-        return _no_palette("pixels are taken as Lambertian, each with its own albedo")
-    n_pixels = len(sample_pixels(stack, MIN_PIXELS, rng))
-    if palette == "auto" and n_pixels < MIN_PIXELS:
-        return _no_palette(f"{n_pixels} pixels are too few to tell materials; {MIN_PIXELS} are enough")
+    against = _against_a_palette(stack, dictionary, palette, surface, rng)
+    if against is not None:
+        return _no_palette(against)
     scene = learn(stack, dictionary, noise, None, rng)
     if scene is None:
         return _no_palette(f"fewer than {MIN_SOLVED} pixels could be solved on their own")
@@ -141,6 +135,22 @@ def choose_palette(
     noun = "material" if n == 1 else "materials"
     text = f"{losses}; {unfit:.0f} % of the area solved on its own"
     return Chosen(scene, Choice("palette", f"{n} {noun}", text))
+
+
+def _against_a_palette(
+    stack: Stack, dictionary: Dictionary, palette: Palette, surface: bool, rng: np.random.Generator
+) -> str | None:
+    """Return why none is looked for, or None."""
+    if palette in {"off", "colour"}:
+        return FORCED
+    if not surface:
+        return "independent pixels share no materials"
+    if palette == "auto" and dictionary is lambertian():
+        return "pixels are taken as Lambertian, each with its own albedo"
+    n_pixels = len(sample_pixels(stack, MIN_PIXELS, rng))
+    if palette == "auto" and n_pixels < MIN_PIXELS:
+        return f"{n_pixels} pixels are too few to tell materials; {MIN_PIXELS} are enough"
+    return None
 
 
 def _no_palette(reason: str) -> Chosen[ScenePalette | None]:

@@ -26,7 +26,7 @@ def leaning(stack: Stack, offset: tuple[float, float]) -> np.ndarray:
     h_true, h_taken = (
         half(replace(stack, light_position=light_position(stack, np.array([*o, 0.0])))) for o in (offset, (0.0, 0.0))
     )
-    lean = (h_taken - h_true).mean(axis=0) + [0.0, 0.0, 1.0]
+    lean = (h_taken - h_true).mean(axis=0) + np.array([0.0, 0.0, 1.0])
     return np.tile(lean / np.linalg.norm(lean), (12, 12, 1))
 
 
