@@ -7,6 +7,7 @@ than the scene's materials: the parametric one against both tables, SGD against 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -264,6 +265,57 @@ def relief(
         truth=Truth(normals, z - z.mean(), weight.argmax(axis=1).reshape(size, size)),
     )
     return Scene("relief", stack, table, rows, weight)
+
+
+def relief_of(
+    brdfs: Sequence[Callable[[Array, Array], Array]], size: int, poses: Array, noise: float, rng: np.random.Generator
+) -> Stack:
+    """Return the stack of a relief as `relief`, of materials that any functions tell.
+
+    Parameters
+    ----------
+    brdfs : sequence of callable
+        From omega_i and omega_o of shape (P, 3), the normal being z, to 1/sr, shape (P, 3).
+    size : int
+        Pixels a side.
+    poses : ndarray, shape (n_views, 3)
+        Directions of the cameras; the light is 12 mm beside them.
+    noise : float
+        As `independent`.
+    rng : numpy.random.Generator
+    """
+    pitch = AREA_MM / size
+    axis = (np.arange(size) - (size - 1) / 2) * pitch
+    x, y = np.meshgrid(axis, -axis)
+    z, normals = _surface(x, y, rng, 1.0)
+    weight = _regions(x, y, len(brdfs), rng, soft_mm=1.0)
+    camera = DISTANCE_MM * poses
+    rotation = _level(camera)
+    light = camera + 12.0 * rotation[:, 0]
+    points, n = np.stack([x, y, z], axis=-1).reshape(-1, 3), normals.reshape(-1, 3)
+    side = np.cross(n, [0.0, 1.0, 0.0])
+    side /= np.linalg.norm(side, axis=1, keepdims=True)
+    frame = np.stack([side, np.cross(n, side), n], axis=1)
+    radiance = np.empty((len(poses), size, size, 3))
+    for v in range(len(poses)):
+        to_light, to_camera = light[v] - points, camera[v] - points
+        d2 = np.sum(to_light**2, axis=1, keepdims=True)
+        omega_i, omega_o = (
+            np.einsum("pij,pj->pi", frame, d / np.linalg.norm(d, axis=1, keepdims=True)) for d in (to_light, to_camera)
+        )
+        f = sum(weight[:, [k]] * np.maximum(brdf(omega_i, omega_o), 0.0) for k, brdf in enumerate(brdfs))
+        radiance[v] = (f * np.maximum(omega_i[:, 2:], 0.0) / d2).reshape(size, size, 3)
+    noisy, variance = with_noise(radiance, noise, rng)
+    return Stack(
+        radiance=noisy,
+        variance=variance,
+        camera_position=camera,
+        light_position=light,
+        light_power=np.ones(len(poses)),
+        pixel_pitch=pitch,
+        camera_rotation=rotation,
+        truth=Truth(normals, z - z.mean(), weight.argmax(axis=1).reshape(size, size)),
+    )
 
 
 def _mixture(table: str, rows: NDArray[np.int64], weight: Array, q: Cosines) -> Array:

@@ -1,0 +1,1 @@
+"""`halfangle bench --real`: captures and materials that nobody here made."""
