@@ -19,7 +19,7 @@ MAX_SEED = 2**32 - 1
 @click.command(epilog="Example: halfangle bench --quick -o out")
 @click.option("--quick", is_flag=True, help="Two minutes instead of half an hour: fewer settings, smaller scenes.")
 @click.option("--json", "json_file", type=FILE, help="Write the rows here.")
-@click.option("-o", "--output", "folder", type=FOLDER, help="Folder for bench.json, bench.png and accuracy.md.")
+@click.option("-o", "--output", "folder", type=FOLDER, help="Folder for rows, picture and page; for --real, pictures.")
 @click.option("--real", is_flag=True, help="Instead: captures and materials that nobody here made.")
 @click.option("--seed", type=click.IntRange(0, MAX_SEED), help="Of the scenes [default: a fresh one].")
 @click.option("--only", default="", metavar="ROWS", help="Rows to run: PART, METHOD or PART/METHOD, comma-separated.")
@@ -47,7 +47,7 @@ def bench(
 
     seed = secrets.randbelow(MAX_SEED) if seed is None else seed
     if real:
-        _bench_real(seed, json_file, quiet=quiet)
+        _bench_real(seed, json_file, folder, quiet=quiet)
     # Before the run, which takes minutes.
     old_file = compare_with or kept_result(quick=quick)
     old = read_report(old_file) if compare_with or old_file.exists() else None
@@ -71,12 +71,12 @@ def bench(
         sys.exit(1)
 
 
-def _bench_real(seed: int, json_file: Path | None, *, quiet: bool) -> NoReturn:
+def _bench_real(seed: int, json_file: Path | None, folder: Path | None, *, quiet: bool) -> NoReturn:
     from benchmarks.real.run import run, shortfalls
     from benchmarks.real.text import keep, rows_table
 
     with run_bar(f"bench --real, seed {seed}", quiet=quiet) as (announce, _):
-        rows = list(run(seed, announce))
+        rows = list(run(seed, announce, folder))
     if json_file:
         keep(rows, seed, json_file)
     click.echo(rows_table(rows))

@@ -5,16 +5,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.evaluation.metrics import angular_error_deg
-from analysis.pipeline import reconstruct
+from analysis.evaluation.scoring import score
 from analysis.reconstruction.options import Options
-from analysis.results.result import Result
+from analysis.reconstruction.reconstruction import reconstruct
+from analysis.results.result import Result, result_of
 from analysis.results.trust import failures
 from benchmarks.real.cases import Capture, captures
+from benchmarks.real.pictures import draw
 
 Array = NDArray[np.float64]
 
@@ -24,6 +27,8 @@ MUST = {"card": (0.35, 0.45), "yellow box": (0.22, np.inf)}
 """Relative RMS of views left out that must be reached: median and worst."""
 
 DOME_MUST_DEG, LIGHT_MUST_MM, WORSE_MUST = 4.1, 5.0, 1.05
+
+_MANY_VIEWS, _N_LEFT_OUT = 15, 6
 
 COVERAGE_68, COVERAGE_95 = 1.5096, 2.4477  # sigmas of two Gaussian components
 
@@ -74,18 +79,28 @@ class Row:
         return asdict(self)
 
 
-def run(seed: int, announce: Callable[[str], None]) -> Iterator[Row]:
-    """Yield a row for each case and method."""
+def run(seed: int, announce: Callable[[str], None], folder: Path | None = None) -> Iterator[Row]:
+    """Yield a row for each case and method.
+
+    Parameters
+    ----------
+    seed : int
+        Of the measured materials drawn, and their reliefs.
+    announce : callable
+        Told what is under way.
+    folder : Path or None
+        Where a picture of each case goes.
+    """
     for capture in captures(seed):
         for method, options in METHODS.items():
             announce(f"{capture.name}, {method}")
             begin = time.perf_counter()
             n_left_out = capture.stack.n_views if capture.stack.n_views < _MANY_VIEWS else _N_LEFT_OUT
-            result = reconstruct(capture.stack, options, n_held_out=n_left_out)
+            found = reconstruct(capture.stack, options)
+            result = result_of(found, (), score(found, n_left_out), None)
             yield _row(capture, method, result, time.perf_counter() - begin)
-
-
-_MANY_VIEWS, _N_LEFT_OUT = 15, 6
+            if folder is not None:
+                draw(found, folder / f"{capture.name} {method}.png".replace(",", "").replace(" ", "-"))
 
 
 def _row(capture: Capture, method: str, result: Result, seconds: float) -> Row:
