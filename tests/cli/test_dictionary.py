@@ -131,7 +131,10 @@ def test_a_name_that_is_neither_built_in_nor_a_file_is_refused(
     write_stack(tmp_path / "area.stack.h5", make_stack(n_views=6, size=4))
     arguments = (tmp_path / "area.stack.h5", "-o", tmp_path / "r.h5", "--dictionary", "nickel")
     assert run("reconstruct", *arguments) == 2
-    assert "'nickel', and there is no such file; built in are 'parametric', 'sgd' and 'abc'" in capsys.readouterr().err
+    assert (
+        "'nickel', and there is no such file; built in are 'parametric', 'lambert', 'sgd' and 'abc'"
+        in capsys.readouterr().err
+    )
     assert run("dictionary", "info", "nickel") == 2
     assert not (tmp_path / "r.h5").exists()
 

@@ -41,7 +41,9 @@ def test_the_embedded_table_is_the_shared_one_number_by_number(name: str):
 
 
 def test_an_unknown_dictionary_is_refused_with_the_ones_there_are():
-    with pytest.raises(ValueError, match="'merl', and there is no such file; built in are 'parametric', 'sgd'"):
+    with pytest.raises(
+        ValueError, match="'merl', and there is no such file; built in are 'parametric', 'lambert', 'sgd'"
+    ):
         by_name("merl")
 
 
