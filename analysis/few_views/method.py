@@ -40,8 +40,6 @@ FLAT_SPREAD = 0.10
 
 _RESTARTS, _RELABELS, _SMOOTHERS, _LIGHTS, _MIXING = (2, 4, 6), (1, 3), (0, 1, 3, 5), (2, 3, 5), 4
 
-_FIRST_SMOOTHER = Smoother(3.3, twice=False, within=True, gradient=0.0)
-
 _POWER_PIXELS = 15000
 
 _DARK_SHARE, _DARK_SIGMAS = 0.01, 3.0
@@ -81,6 +79,7 @@ def solve_few_views(
     *,
     find_power: bool = True,
     find_light: bool = False,
+    most_pixels: int = MOST_PIXELS,
     seed: int = 0,
     threads: int | None = None,
     track: Track = untracked,
@@ -95,6 +94,8 @@ def solve_few_views(
         Whether the views' powers are found too.
     find_light : bool
         Whether the light is placed such that the mean normal is that of the plane.
+    most_pixels : int
+        More are binned for the rounds that learn.
     seed : int
         Of the draw of pixels that choose the smoother.
     threads : int or None
@@ -102,7 +103,7 @@ def solve_few_views(
         Learns how many rounds are done.
     """
     rng = np.random.default_rng(seed)
-    n = binning_for(stack)
+    n = binning_for(stack, most_pixels)
     run = _Rounds.begun(stack.binned(n), threads)
     for number in track(list(range(ROUNDS))):
         run.round(number, rng, find_power=find_power, find_light=find_light)
@@ -122,19 +123,17 @@ class _Rounds:
     stack: Stack
     views: Labels
     state: State
-    smoother: Smoother
     log_power: Array
+    smoother: Smoother | None = None
     offset: LightOffset | None = None
-    chosen: bool = False
 
     @classmethod
     def begun(cls, stack: Stack, threads: int | None) -> _Rounds:
         views = np.flatnonzero(np.isfinite(stack.light_power))
         seen = gather(stack, views)
         shape = (stack.grid.height, stack.grid.width)
-        return cls(
-            stack, views, _first(seen, shape, dark_level(seen, stack), threads), _FIRST_SMOOTHER, np.zeros(len(views))
-        )
+        state = _first(seen, shape, dark_level(seen, stack), threads)
+        return cls(stack, views, state, np.zeros(len(views)))
 
     def round(self, number: int, rng: np.random.Generator, *, find_power: bool, find_light: bool) -> None:
         state = self.state
@@ -157,10 +156,9 @@ class _Rounds:
 
     def _learn_field(self, rng: np.random.Generator, *, choose: bool) -> None:
         said = _words(self.state)
-        if choose:
+        if choose or self.smoother is None:
             material = self.state.leading().reshape(self.state.shape)
-            self.smoother = choose_smoother(said, material, rng, self.smoother if self.chosen else None)
-            self.chosen = True
+            self.smoother = choose_smoother(said, material, rng, self.smoother)
         _learn_prior(self.state, self.smoother, said)
 
     def _find_powers(self, rng: np.random.Generator) -> None:
@@ -223,6 +221,7 @@ class _Rounds:
         found = replace(given, light_position=self.stack.light_position, light_power=power)
         if self.offset is not None:
             found = replace(found, light_offset=self.offset.value, light_offset_sigma=self.offset.sigma)
+        assert self.smoother is not None
         return FewViews(found, self.state, self.smoother, log_power, self.offset)
 
 

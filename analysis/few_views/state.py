@@ -54,7 +54,6 @@ class State:
     field : Field
     correlation : float
         Of the channels' residuals.
-    albedo_sigma, colour_sigma : float
     system : ndarray, shape (K, C, J, J), or None
         The curves' normal equations at the last step.
     threads : int or None
@@ -69,8 +68,6 @@ class State:
     field: Field
     mixtures: list[tuple[int, int, float]] = default(default_factory=list)
     correlation: float = 0.6
-    albedo_sigma: float = ALBEDO_SIGMA
-    colour_sigma: float = COLOUR_SIGMA
     system: Array | None = None
     threads: int | None = None
 
@@ -96,7 +93,7 @@ class State:
         if mixed:
             table = np.concatenate([table, np.stack(mixed)])
         C = self.n_channels
-        covariance = self.albedo_sigma**2 * np.ones((C, C)) + self.colour_sigma**2 * np.eye(C)
+        covariance = ALBEDO_SIGMA**2 * np.ones((C, C)) + COLOUR_SIGMA**2 * np.eye(C)
         weight = self.channel_weight / self.sigma**2
         return Materials(np.ascontiguousarray(table), weight, np.asarray(np.linalg.inv(covariance)), self.dark)
 

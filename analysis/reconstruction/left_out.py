@@ -169,39 +169,31 @@ def trial(
         As `solve_few_views`.
     """
     rng = np.random.default_rng(seed)
-    views = np.unique(np.linspace(0, stack.n_views - 1, _N_TRIED).round().astype(np.int64))
-    errors: dict[str, list[float]] = {"palette": [], "alone": [], "colour": []}
     n = binning_for(few.stack, _TRIAL_PIXELS)
-    for view in views.tolist():
-        told = foretold(view, few, n, seed=seed, threads=threads)
-        grid = told.stack.grid
+    palettes = {"palette": scene, "alone": None} if scene is not None else {"alone": None}
+    errors: dict[str, list[float]] = {"palette": [], "alone": [], "colour": []}
+    for view in np.unique(np.linspace(0, stack.n_views - 1, _N_TRIED).round().astype(np.int64)).tolist():
+        without = foretold(view, few, n, seed=seed, threads=threads)
+        grid = without.stack.grid
         squares = np.sort(rng.permutation(grid.height * grid.width)[: max(_N_SAMPLES // n**2, _FEWEST)])
-        pixels = _pixels_of(squares, grid.width, n, stack.grid.width)
-        measured = np.asarray(told.stack.radiance[view], np.float64).reshape(len(told.radiance), -1)[squares]
-        clipped = told.stack.saturated
-        if clipped is not None:
-            lost = np.asarray(clipped[view]).reshape(len(told.radiance), -1)[squares] > 0
-            measured = np.where(lost, np.nan, measured)
-        errors["colour"].append(error_with_gain(told.radiance[squares], measured))
-        for name, palette in (("palette", scene), ("alone", None)):
-            if name == "palette" and palette is None:
-                errors[name].append(np.inf)
-                continue
-            order = np.argsort(pixels.ravel())
+        measured = _measured(without.stack, view)[squares]
+        errors["colour"].append(error_with_gain(without.radiance[squares], measured))
+        pixels = _pixels_of(squares, grid.width, n, stack.grid.width).ravel()
+        for name, palette in palettes.items():
             fits = fits_without(
-                view,
-                pixels.ravel()[order],
-                stack=stack,
-                dictionary=dictionary,
-                noise=noise,
-                depth=depth,
-                scene=palette,
+                view, pixels, stack=stack, dictionary=dictionary, noise=noise, depth=depth, scene=palette
             )
-            told_sorted = predicted(fits, stack, view, pixels.ravel()[order], depth)
-            told_pixels = np.empty_like(told_sorted)
-            told_pixels[order] = told_sorted
-            errors[name].append(error_with_gain(told_pixels.reshape(len(squares), n * n, -1).mean(axis=1), measured))
-    return Trial(*(float(np.median(errors[name])) for name in ("palette", "alone", "colour")))
+            told = predicted(fits, stack, view, pixels, depth).reshape(len(squares), n * n, -1).mean(axis=1)
+            errors[name].append(error_with_gain(told, measured))
+    return Trial(*(float(np.median(e)) if e else np.inf for e in errors.values()))
+
+
+def _measured(stack: Stack, view: int) -> Array:
+    """Return what a view saw, shape (P, C); NaN = nothing, or clipped."""
+    radiance = np.asarray(stack.radiance[view], np.float64)
+    if stack.saturated is not None:
+        radiance = np.where(np.asarray(stack.saturated[view]) > 0, np.nan, radiance)
+    return radiance.reshape(-1, radiance.shape[-1])
 
 
 def best_gain(told: Array, measured: Array) -> float:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from analysis.evaluation.metrics import angular_error_deg
-from analysis.few_views import method
 from analysis.few_views.method import FewViews, solve_few_views
 from analysis.few_views.solution import fits_of, materials_of
 from analysis.pixels.problem import PixelProblem, estimate_noise
@@ -94,12 +93,8 @@ def test_the_order_of_the_views_does_not_matter(taken: Phone, few: FewViews):
     assert np.median(angular_error_deg(again.state.normals(), few.state.normals())) < 0.3
 
 
-def test_a_large_area_is_solved_with_what_was_learnt_from_its_binned_pixels(monkeypatch: pytest.MonkeyPatch):
-    taken = phone(64)
-    whole = solve_few_views(taken.stack)
-    monkeypatch.setattr(method, "MOST_PIXELS", 32**2)
-    monkeypatch.setattr(method.binning_for, "__defaults__", (32**2,))
-    binned = solve_few_views(taken.stack)
+def test_a_large_area_is_solved_with_what_was_learnt_from_its_binned_pixels(taken: Phone):
+    whole, binned = (solve_few_views(taken.stack, most_pixels=n) for n in (64**2, 32**2))
     assert binned.state.normals().shape == whole.state.normals().shape
     worse = [angular_error_deg(few.state.normals(), taken.normals).mean() for few in (binned, whole)]
     assert worse[0] < 1.5 * worse[1]
