@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.registration.lighting import looking_at_centre
+from analysis.registration.positions import Placement, read_positions
 from analysis.registration.stack import Stack
 from instrument.files.validation import Problem, raise_if_any
 from instrument.pictures.reading import is_raw, read_picture
 
 Array = NDArray[np.float64]
-
-UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 LINEAR_SUFFIXES = (".exr", ".npy")
 
@@ -43,26 +41,6 @@ class _Picture:
     step: float
 
 
-@dataclass(frozen=True)
-class Placement:
-    """One row of the table of positions.
-
-    Attributes
-    ----------
-    file : str
-        Name of the picture, relative to the folder.
-    camera, light : ndarray, shape (3,)
-        Sample frame, mm.
-    line : int
-        Of the table, for messages.
-    """
-
-    file: str
-    camera: Array
-    light: Array
-    line: int
-
-
 def import_registered(folder: Path, positions: Path, width_mm: float, gamma: float | None, binning: int) -> Stack:
     """Read pictures of one area, registered to the plane z = 0, into a registered stack.
 
@@ -76,7 +54,7 @@ def import_registered(folder: Path, positions: Path, width_mm: float, gamma: flo
     positions : Path
         CSV with a header: ``file``, ``camera_x_mm``, ``camera_y_mm``, ``camera_z_mm`` (or ``_cm``, ``_m``) and
         optionally ``light_x_mm``, ``light_y_mm``, ``light_z_mm``; without a light it is where the camera is. Tables
-        with semicolons may have decimal commas.
+        with semicolons may have decimal commas. Or an ``.lp`` file of a dome's light directions.
     width_mm : float
         Width of the area that a picture shows.
     gamma : float or None
@@ -109,86 +87,10 @@ def import_registered(folder: Path, positions: Path, width_mm: float, gamma: flo
         saturated=np.stack(clipped),
         camera_position=camera,
         light_position=np.stack([p.light for p in placements]),
-        light_power=np.ones(len(placements)),
+        light_power=np.array([p.power for p in placements]),
         pixel_pitch=width_mm / pictures[0].values.shape[1] * binning,
         camera_rotation=looking_at_centre(camera),
     )
-
-
-def read_positions(path: Path) -> tuple[list[Placement], list[Problem]]:
-    """Read the table of positions; return its rows and all that is wrong with it."""
-    if path.suffix.lower() == ".lp":
-        what = (
-            "has the light directions of an RTI dome, without camera and distances. Write a CSV with a row a picture: "
-            "camera_x_mm, camera_y_mm, camera_z_mm of the fixed camera, light_x_mm ... = direction times distance"
-        )
-        return [], [Problem(str(path), what)]
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        return [], [Problem(str(path), f"cannot be read ({error})")]
-    lines = text.splitlines()
-    separator = ";" if lines and ";" in lines[0] else ","
-    reader = csv.DictReader(lines, delimiter=separator)
-    header = [name.strip() for name in reader.fieldnames or []]
-    problems = [Problem(f"{path}:1", what) for what in _header_problems(header)]
-    camera, light = _columns(header, "camera"), _columns(header, "light")
-    if problems or camera is None:
-        return [], problems
-    placements: list[Placement] = []
-    first_line: dict[str, int] = {}
-    for number, row in enumerate(reader, start=2):
-        where = f"{path}:{number}"
-        if None in row:
-            problems.append(Problem(where, _too_many_cells(separator, len(header))))
-            continue
-        cells = {name: (row[key] or "").strip() for name, key in zip(header, reader.fieldnames or [], strict=True)}
-        try:
-            at_camera = _position(cells, camera, decimal_comma=separator == ";")
-            at_light = _position(cells, light, decimal_comma=separator == ";") if light else at_camera
-        except ValueError as error:
-            problems.append(Problem(where, f"{error}; positions must be finite numbers with z above the sample"))
-            continue
-        file = cells["file"]
-        if file in first_line:
-            problems.append(Problem(where, f"{file} stands in line {first_line[file]} already; keep one of the two"))
-        first_line.setdefault(file, number)
-        placements.append(Placement(file, at_camera, at_light, number))
-    if not placements and not problems:
-        problems.append(Problem(str(path), "names no picture"))
-    return placements, problems
-
-
-def _header_problems(header: list[str]) -> Iterator[str]:
-    """Yield what is wrong with the names of the columns: what is not understood is not dropped."""
-    known = [
-        "file",
-        *(f"{device}_{axis}_{unit}" for device in ("camera", "light") for unit in UNITS_MM for axis in "xyz"),
-    ]
-    needed = "file, camera_x_mm, camera_y_mm, camera_z_mm (or _cm, _m), and optionally light_x_mm ..."
-    if "file" not in header or _columns(header, "camera") is None:
-        yield f"columns are {', '.join(header) or 'none'}; needed are {needed}"
-        return
-    for name in header:
-        if header.count(name) > 1:
-            yield f"column {name!r} stands {header.count(name)} times; keep one"
-        elif name not in known:
-            yield f"column {name!r} is not known; allowed are {needed}. Rename it or take it out"
-    lights = [name for name in header if name in known and name.startswith("light_")]
-    units = {name.rsplit("_", 1)[1] for name in lights}
-    if len(units) > 1:
-        yield f"columns {', '.join(lights)} have several units; use one"
-    elif lights:
-        missing = [name for name in (f"light_{axis}_{unit}" for unit in units for axis in "xyz") if name not in lights]
-        if missing:
-            yield f"{', '.join(missing)} is missing; a light needs x, y and z, or no column for one in the lens"
-
-
-def _too_many_cells(separator: str, n_columns: int) -> str:
-    what = f"has more cells than the header has columns ({n_columns})"
-    if separator == ",":
-        return f"{what}; a decimal comma? Use the decimal point, or semicolons between the cells"
-    return what
 
 
 def _distance_problems(positions: Path, placements: list[Placement], width_mm: float) -> Iterator[Problem]:
@@ -200,24 +102,6 @@ def _distance_problems(positions: Path, placements: list[Placement], width_mm: f
                 "In metres or centimetres? Name the columns camera_x_m ... or camera_x_cm ..., or correct the width"
             )
             yield Problem(f"{positions}:{placement.line}", what)
-
-
-def _columns(header: list[str], device: str) -> tuple[list[str], float] | None:
-    """Return the three columns of a device's position and their unit in mm."""
-    for unit, millimetres in UNITS_MM.items():
-        names = [f"{device}_{axis}_{unit}" for axis in "xyz"]
-        if all(name in header for name in names):
-            return names, millimetres
-    return None
-
-
-def _position(cells: dict[str, str], columns: tuple[list[str], float], *, decimal_comma: bool) -> Array:
-    names, millimetres = columns
-    texts = [cells[name].replace(",", ".") if decimal_comma else cells[name] for name in names]
-    position = np.array([float(text) for text in texts]) * millimetres
-    if not np.all(np.isfinite(position)) or position[2] <= 0.0:
-        raise ValueError(f"position is {position.tolist()} mm")
-    return position
 
 
 def _picture_problems(

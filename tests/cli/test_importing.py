@@ -149,13 +149,40 @@ def test_semicolons_and_decimal_commas_are_read(card: Path, tmp_path: Path) -> N
     np.testing.assert_allclose(read_stack(tmp_path / "c.stack.h5").camera_position[2], [25.0, 0.0, 172.5])
 
 
-def test_an_rti_file_of_directions_is_refused_with_what_is_missing(
-    card: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+LP = ("--positions", "dome.lp", "--width-mm", "32", "--gamma", "1")
+
+
+def test_the_light_directions_of_a_dome_are_read(card: Path, tmp_path: Path) -> None:
+    """With paths of the computer on which they were found, and a camera that looks straight down."""
+    names = ["/home/rti/0.png", "D:\\scans\\1.png", "2.png", "./3.png"]
+    rows = [f"{name} {0.1 * i} -0.2 0.9" for i, name in enumerate(names)]
+    (card / "dome.lp").write_text("\n".join(["4", *rows, ""]))
+    assert run(card, *LP, "-o", tmp_path / "c.stack.h5") == 0
+    stack = read_stack(tmp_path / "c.stack.h5")
+    np.testing.assert_allclose(stack.camera_position[:, :2], 0.0)
+    direction = stack.light_position / np.linalg.norm(stack.light_position, axis=1, keepdims=True)
+    np.testing.assert_allclose(direction[3], np.array([0.3, -0.2, 0.9]) / np.linalg.norm([0.3, -0.2, 0.9]))
+    # Of a dome only directions are known: no pixel has more light than another.
+    assert np.ptp(np.linalg.norm(stack.light_position, axis=1)) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "number of pictures"),
+        ("0.png 0.1 0.2 0.97\n", "number of pictures"),
+        ("2\n0.png 0.1 0.2 0.97\n", "says 2 pictures; 1 lines follow"),
+        ("1\n0.png 0.1 0.2\n", "dome.lp:2"),
+        ("1\n0.png 0.1 0.2 -0.9\n", "z above the sample"),
+        ("1\n0.png 0 0 nan\n", "z above the sample"),
+    ],
+)
+def test_a_file_of_directions_that_is_none_is_refused(
+    card: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, told: str
 ) -> None:
-    (card / "dome.lp").write_text("1\n0.png 0.1 0.2 0.97\n")
-    arguments = ("--positions", "dome.lp", "--width-mm", "32", "--gamma", "1", "-o", tmp_path / "c.stack.h5")
-    assert run(card, *arguments) == 2
-    assert "light directions of an RTI dome" in capsys.readouterr().err
+    (card / "dome.lp").write_text(text)
+    assert run(card, *LP, "-o", tmp_path / "c.stack.h5") == 2
+    assert told in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("number", ["nan", "inf", "-inf"])
