@@ -190,7 +190,8 @@ def choose_smoother(
     """
     hidden = rng.random(material.shape) < _HELD_OUT
     weight = np.where(hidden, _TINY * said.weight, said.weight)
-    judged = hidden & (said.precision >= np.percentile(said.precision, _TELLING))
+    told = said.precision > 0.0  # a hole has no word
+    judged = hidden & told & (said.precision >= np.percentile(said.precision[told], _TELLING))
 
     def score(smoother: Smoother) -> float:
         off = said.slope - smoother.mean(said.slope, weight, material)

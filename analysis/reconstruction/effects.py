@@ -47,11 +47,11 @@ theta_d = 0: a light 60 mm beside a lens at 350 mm."""
 NEIGHBOURS_WORTH = 0.9
 """Neighbours are asked where they take this share of the variance of the typical normal, or less, to be left."""
 
-BY_PLANE = "the plane's mean normal puts it"
-
 _FAR, _POWER_ROUNDS = 1e4, 3
 
 _LIGHT_PIXELS = 128**2
+
+_POWERS_DIFFER = 0.05  # standard deviation of log powers; where all are alike they are found to 0.02 or so
 
 # Degrees a tangent axis for each degree of theta_d: of a glossy ball in a real dome [shi2016] with a Lambertian fit.
 _THETA_D_ERROR = 0.12
@@ -77,7 +77,7 @@ def choose_dictionary(stack: Stack, name: str) -> Chosen[Dictionary]:
     """Take the dictionary that the options name, or the one that was made for light from where it comes.
 
     Atoms are fitted on the slice theta_d = 0, where camera and light stand side by side. Far from it a wrong highlight
-    bends the normals more than none: robust weights then take highlights for wrong views of a Lambertian surface.
+    bends the normals more than none: a Lambertian surface is then fitted to samples without highlights.
     """
     if name != AUTO:
         return Chosen(by_name(name), Choice("dictionary", name, FORCED))
@@ -194,8 +194,7 @@ def choose_light(stack: Stack, dictionary: Dictionary, light: Light, rng: np.ran
     if stack.camera_rotation is None:
         stack = replace(stack, camera_rotation=looking_at_centre(stack.camera_position))
     if stack.n_views < FEW_VIEWS:
-        found = offset_of_few_views(stack)
-        return Chosen(Lit(lit_from(stack, found), found), light_choice(found, BY_PLANE))
+        return light_by_plane(stack, offset_of_few_views(stack))
     found = pooled_light_offset(stack)
     noise = estimate_noise(lit_from(stack, found), dictionary, rng)
     found = estimate_light_offset(stack, dictionary, noise, LightOffset(found.value, np.full(3, np.inf)), rng)
@@ -213,10 +212,30 @@ def offset_of_few_views(stack: Stack) -> LightOffset:
     return offset
 
 
+def light_by_plane(stack: Stack, offset: LightOffset) -> Chosen[Lit]:
+    """Put the light where the plane's mean normal has it."""
+    return Chosen(Lit(lit_from(stack, offset), offset), light_choice(offset, "the plane's mean normal puts it"))
+
+
+def light_is_unknown(stack: Stack, light: Light) -> bool:
+    """Tell whether nobody said where the light stands, so that the plane may tell."""
+    if light in {"given", "collocated"} or stack.camera_rotation is None:
+        return False
+    in_lens = np.allclose(stack.light_position, stack.camera_position)
+    return light == "estimate" or (in_lens and stack.light_offset is None)
+
+
+def with_found_powers(stack: Stack, few: FewViews) -> Stack:
+    """Return the stack with the powers that were found with materials by colour, where views differ by much."""
+    off = np.nan_to_num(few.log_power)
+    return stack if off.std() < _POWERS_DIFFER else replace(stack, light_power=stack.light_power * np.exp(off))
+
+
 def light_is_uncertain(stack: Stack, light: Light) -> bool:
     """Tell whether the stack itself says that its light may stand elsewhere, and nothing forbids to look."""
     known = stack.camera_rotation is not None and stack.light_offset is not None
-    return light == "auto" and known and stack.light_offset_sigma is not None
+    enough = stack.n_views >= FEW_VIEWS
+    return light == "auto" and enough and known and stack.light_offset_sigma is not None
 
 
 def refine_light(

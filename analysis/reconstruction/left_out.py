@@ -13,7 +13,8 @@ from analysis.few_views.solution import fits_of, materials_of
 from analysis.palette.scene import ScenePalette, solve_scene, with_curves_refined
 from analysis.pixels.fits import PixelFits
 from analysis.pixels.problem import Noise, PixelProblem
-from analysis.reflectance.dictionary import Dictionary
+from analysis.pixels.trimming import without_highlights
+from analysis.reflectance.dictionary import Dictionary, lambertian
 from analysis.registration.stack import Stack
 
 Array = NDArray[np.float64]
@@ -53,6 +54,8 @@ def fits_without(
         None = pixels on their own.
     """
     fewer = stack.without_view(view)
+    if dictionary is lambertian():
+        fewer = without_highlights(fewer)
     if scene is None:
         return PixelProblem(fewer, dictionary, pixels, depth).solve(noise)
     refined = with_curves_refined(scene, fewer, noise, depth)

@@ -23,10 +23,9 @@ from analysis.pixels.problem import (
     model_error_share,
     tiles,
 )
+from analysis.pixels.trimming import without_highlights
 from analysis.reconstruction.choices import FORCED, Choice, Chosen
 from analysis.reconstruction.effects import (
-    BY_PLANE,
-    Lit,
     choose_dictionary,
     choose_field,
     choose_light,
@@ -35,18 +34,21 @@ from analysis.reconstruction.effects import (
     choose_parallax,
     choose_power,
     depth_has_settled,
-    light_choice,
+    light_by_plane,
     light_is_uncertain,
+    light_is_unknown,
     may_be_few_views,
     power_choice,
     refine_light,
     smoother_text,
     theta_d_sigma,
+    with_found_powers,
 )
 from analysis.reconstruction.error_budget import ErrorBudget, error_budget
 from analysis.reconstruction.gross_shape import NO_SHAPE, gross_shape, shape_choice
 from analysis.reconstruction.left_out import trial
 from analysis.reconstruction.options import ACCURACIES, Options
+from analysis.reflectance.dictionary import lambertian
 from analysis.reflectance.palette_completion import MaterialBrdfs
 from analysis.registration.lighting import LightOffset
 from analysis.registration.stack import Stack
@@ -121,7 +123,8 @@ def reconstruct(stack: Stack, options: Options | None = None, stages: Stages | N
     """
     options = options or Options()
     raise_if_any("The stack cannot be reconstructed.", view_problems(stack))
-    run = _Run(stack, options, stages or Stages())
+    stages = stages or Stages()
+    run = _Run(stack, options, stages, _by_colour(stack, options, stages))
     n_updates = ACCURACIES[options.accuracy] if run.surface else 0
     if run.scene is None or n_updates == 0:
         run.solve(None)
@@ -134,11 +137,29 @@ def reconstruct(stack: Stack, options: Options | None = None, stages: Stages | N
     return run.result()
 
 
+def _by_colour(stack: Stack, options: Options, stages: Stages) -> FewViews | None:
+    """Solve a scene of few views with materials by colour, where that may serve it: also for its powers and light."""
+    surface = stack.pixels == "surface" and not options.independent
+    if not may_be_few_views(stack, options.palette, surface=surface):
+        return None
+    if options.light == "collocated":
+        stack = replace(stack, light_position=stack.camera_position)
+    with stages.measure("few views"):
+        return solve_few_views(
+            stack,
+            find_power=options.power != "given" and stack.light_power_sigma is None,
+            find_light=light_is_unknown(stack, options.light),
+            seed=options.seed,
+            threads=options.threads,
+            track=stages.track,
+        )
+
+
 class _Run:
     """A reconstruction under way: what is known so far, and the steps that add to it."""
 
-    def __init__(self, stack: Stack, options: Options, stages: Stages) -> None:
-        self.options, self.stages = options, stages
+    def __init__(self, stack: Stack, options: Options, stages: Stages, by_colour: FewViews | None) -> None:
+        self.options, self.stages, self.by_colour = options, stages, by_colour
         self.rng = np.random.default_rng(options.seed)
         dictionary = choose_dictionary(stack, options.dictionary)
         self.dictionary = dictionary.value
@@ -151,10 +172,14 @@ class _Run:
         self.shape = NO_SHAPE
         field = choose_field(stack, options.field)
         with stages.measure("noise and light"):
-            self.light = choose_light(field.value, self.dictionary, options.light, self.rng)
+            if by_colour is not None and by_colour.offset is not None:
+                self.light = light_by_plane(field.value, by_colour.offset)
+            else:
+                self.light = choose_light(field.value, self.dictionary, options.light, self.rng)
             stack = self.light.value.stack
+            if by_colour is not None:
+                stack = with_found_powers(stack, by_colour)
             self.noise = estimate_noise(stack, self.dictionary, self.rng)
-        self.stated_power = stack.light_power
         with stages.measure("palette"):
             palette = choose_palette(stack, self.dictionary, self.noise, options.palette, self.surface, self.rng)
             power = choose_power(stack, palette.value, self.noise, options.power)
@@ -177,9 +202,9 @@ class _Run:
                 self.scene, self.fitted, self.noise, depth, start, prior=prior, threads=threads, track=track
             )
             return with_curve_error(fits, self.scene, self.fitted, self.noise, depth)
-        tolerance, pixels = self.options.tolerance, np.arange(self.depth.size)
+        tolerance, pixels, stack = self.options.tolerance, np.arange(self.depth.size), self._solved_stack()
         parts = [
-            PixelProblem(self.fitted, self.dictionary, tile, depth).solve(
+            PixelProblem(stack, self.dictionary, tile, depth).solve(
                 self.noise,
                 start=None if start is None else start[tile],
                 prior=None if prior is None else prior.select(tile),
@@ -236,24 +261,15 @@ class _Run:
         self.solve(self.depth)
 
     def try_colours(self) -> None:
-        """Solve anew with materials by colour, where that predicts views left out better; on their own likewise."""
-        if not may_be_few_views(self.stack, self.options.palette, surface=self.surface):
+        """Take the solution by colour, where that predicts views left out better; pixels on their own likewise."""
+        if self.by_colour is None:
             return
-        with self.stages.measure("few views"):
-            few = solve_few_views(
-                replace(self.stack, light_power=self.stated_power),
-                find_power=self.options.power != "given" and self.stack.light_power_sigma is None,
-                find_light=self._light_is_unknown(),
-                seed=self.options.seed,
-                threads=self.options.threads,
-                track=self.stages.track,
-            )
         if self.options.palette == "colour":
-            self._take(few, FORCED)
+            self._take(self.by_colour, FORCED)
             return
         with self.stages.measure("few views"):
             tried = trial(
-                few,
+                self.by_colour,
                 stack=self.fitted,
                 dictionary=self.dictionary,
                 noise=self.noise,
@@ -263,16 +279,9 @@ class _Run:
                 threads=self.options.threads,
             )
         if tried.colour < min(tried.palette, tried.alone):
-            self._take(few, tried.text)
+            self._take(self.by_colour, tried.text)
         elif self.scene is not None and tried.alone < WORSE * tried.palette:
             self._drop_palette(tried.text)
-
-    def _light_is_unknown(self) -> bool:
-        """Whether nobody said where the light stands, so that the plane may tell."""
-        if self.options.light in {"given", "collocated"} or self.stack.camera_rotation is None:
-            return False
-        in_lens = np.allclose(self.stack.light_position, self.stack.camera_position)
-        return self.options.light == "estimate" or (in_lens and self.stack.light_offset is None)
 
     def _take(self, few: FewViews, reason: str) -> None:
         """Go on with the solution of few views."""
@@ -280,8 +289,6 @@ class _Run:
         self.stack = self.fitted = few.stack
         self.fits, self.new_depth = fits_of(few), None
         self.noise = Noise(float(np.median(few.state.sigma[few.state.leading()])), few.state.dark)
-        if few.offset is not None:
-            self.light = Chosen(Lit(few.stack, few.offset), light_choice(few.offset, BY_PLANE))
         flat = "materials by colour take the sample as flat"
         self.effects = [
             *self.effects[:2],
@@ -310,6 +317,9 @@ class _Run:
 
     def _following(self) -> Stack:
         return replace(self.stack, followed=self.depth) if self.follow else self.stack
+
+    def _solved_stack(self) -> Stack:
+        return without_highlights(self.fitted) if self.dictionary is lambertian() else self.fitted
 
     def has_settled(self, n_updates: int) -> bool:
         """Tell whether another update of the geometry would change nothing."""
