@@ -26,8 +26,8 @@ _SPARE = 2  # views beyond those that a solver needs
 def without_highlights(stack: Stack) -> Stack:
     """Return the stack with the samples taken out that are not of middling brightness in their pixel's views.
 
-    With few views more of them are kept, so that a pixel can be solved. A sample without highlights, whose residuals are as
-    far below a Lambertian fit as above, keeps all: each that is taken out would cost accuracy.
+    With few views more of them are kept, so that a pixel can be solved. A surface without highlights, whose residuals
+    are as far below a Lambertian fit as above, keeps all: each that is taken out would cost accuracy.
     """
     if skewness(stack) < SKEWED:
         return stack

@@ -7,6 +7,7 @@ import pytest
 
 from analysis.evaluation.metrics import angular_error_deg
 from analysis.evaluation.scoring import score
+from analysis.pixels.trimming import SKEWED, skewness, without_highlights
 from analysis.reconstruction.effects import MAX_THETA_D_DEG, choose_dictionary, theta_d_sigma
 from analysis.reconstruction.options import Options
 from analysis.reconstruction.reconstruction import Reconstruction, reconstruct
@@ -80,3 +81,33 @@ def test_a_dictionary_that_is_named_is_taken(dome: Stack):
     assert choose_dictionary(dome, "abc").value.name == "abc"
     assert choose_dictionary(dome, "lambert").choice.reason == "forced by option"
     assert Options().dictionary == "auto"
+
+
+def test_highlights_are_left_out_where_there_are_any(dome: Stack):
+    trimmed = without_highlights(dome)
+    kept = np.isfinite(trimmed.radiance[..., 0]).mean(axis=0)
+    assert np.all((kept > 0.3) & (kept < 0.5))
+    matte = replace(dome, radiance=np.minimum(dome.radiance, np.quantile(dome.radiance, 0.5, axis=0) * 1.2))
+    assert skewness(dome) > SKEWED
+    assert skewness(matte) < skewness(dome)
+
+
+def test_a_matte_surface_keeps_all_its_samples(dome: Stack):
+    rng = np.random.default_rng(1)
+    assert dome.truth is not None
+    light = dome.light_position / np.linalg.norm(dome.light_position, axis=1, keepdims=True)
+    shading = np.maximum(np.einsum("vi,hwi->vhw", light, dome.truth.normals), 0.0)[..., None].repeat(3, axis=-1)
+    matte = replace(dome, radiance=(shading * (1.0 + 0.02 * rng.standard_normal(shading.shape))).astype(np.float32))
+    assert without_highlights(matte) is matte
+
+
+def test_few_lights_leave_a_pixel_enough_to_be_solved(dome: Stack):
+    few = replace(
+        dome,
+        radiance=dome.radiance[:8],
+        variance=dome.variance[:8],
+        camera_position=dome.camera_position[:8],
+        light_position=dome.light_position[:8],
+        light_power=dome.light_power[:8],
+    )
+    assert np.isfinite(without_highlights(few).radiance[..., 0]).sum(axis=0).min() >= 6

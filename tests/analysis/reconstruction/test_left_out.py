@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.evaluation.metrics import angular_error_deg
 from analysis.evaluation.scoring import score
 from analysis.reconstruction.left_out import best_gain, error_with_gain
 from analysis.reconstruction.options import Options
@@ -12,18 +13,25 @@ from tests.analysis.few_views.phone import OFFSET_MM, phone
 
 @pytest.fixture(scope="module")
 def solved() -> Reconstruction:
-    return reconstruct(phone(40).stack, Options(accuracy="draft"))
+    return reconstruct(phone(40).stack, Options(accuracy="draft", palette="colour"))
 
 
 def chosen(reconstruction: Reconstruction) -> dict[str, str]:
     return {choice.effect: choice.chosen for choice in reconstruction.choices}
 
 
-def test_photographs_of_a_phone_are_solved_with_materials_by_colour(solved: Reconstruction):
+def test_materials_by_colour_are_recorded_with_the_powers_that_were_found(solved: Reconstruction):
     assert "by colour" in chosen(solved)["palette"]
     assert chosen(solved)["light power"] == "per view"
-    reason = next(choice.reason for choice in solved.choices if choice.effect == "palette")
-    assert "views left out are predicted to" in reason
+
+
+def test_whichever_materials_predict_better_have_the_powers_and_the_light_that_were_found():
+    """Of these pictures a palette of solved pixels does, once it knows them: without, its normals are 2 deg off."""
+    taken = phone(40)
+    found = reconstruct(taken.stack, Options(accuracy="draft"))
+    assert chosen(found)["light"] == "offset"
+    assert np.std(np.log(found.stack.light_power) - taken.log_power) < 0.03
+    assert angular_error_deg(found.normals.reshape(-1, 3), taken.normals).mean() < 0.7
 
 
 def test_the_light_that_nobody_stated_is_found_with_them(solved: Reconstruction):
