@@ -25,6 +25,7 @@ def test_materials_by_colour_are_recorded_with_the_powers_that_were_found(solved
     assert chosen(solved)["light power"] == "per view"
 
 
+@pytest.mark.slow
 def test_whichever_materials_predict_better_have_the_powers_and_the_light_that_were_found():
     """Of these pictures a palette of solved pixels does, once it knows them: without, its normals are 2 deg off."""
     taken = phone(40)
