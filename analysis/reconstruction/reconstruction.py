@@ -24,6 +24,7 @@ from analysis.pixels.problem import (
     tiles,
 )
 from analysis.pixels.trimming import without_highlights
+from analysis.reconstruction import views_apart
 from analysis.reconstruction.choices import FORCED, Choice, Chosen
 from analysis.reconstruction.effects import (
     choose_dictionary,
@@ -359,6 +360,7 @@ class _Run:
             self.depth = self.depth - np.nanmean(self.depth)
         text = "the typical residual made one of its stated sigma"
         self.effects.append(Choice("relative error", f"{self.noise.relative:.4f}", text))
+        self._hear_views_apart()
         materials = self._complete()
         budget = self._budget()
         self.fits = self.fits.widened(theta_d_sigma(self.stack))
@@ -386,6 +388,23 @@ class _Run:
             budget = error_budget(self.fitted, self.dictionary, self.noise, self.rng, depth)
             self.fits = self.fits.widened(np.deg2rad(budget.systematic))
         return budget
+
+    def _hear_views_apart(self) -> None:
+        """Widen the normals' sigma where parts of the views say different normals."""
+        if self.few is not None or self.stack.n_views < views_apart.MIN_VIEWS:
+            return
+        assert self.fits is not None
+        with self.stages.measure("normals and BRDF"):
+            ratio = views_apart.variance_ratio(self._solved_stack(), self.fits, self._some_solved, self.rng)
+        self.fits = replace(self.fits, covariance=ratio * self.fits.covariance)
+        text = "views left out in blocks, by azimuth and by tilt, move the typical normal as far as that says"
+        self.effects.append(Choice("sigma", f"{np.sqrt(ratio):.2f} times", text))
+
+    def _some_solved(self, stack: Stack, pixels: NDArray[np.int64], start: Array) -> PixelFits:
+        depth = self.depth if self.surface else None
+        if self.scene is not None:
+            return solve_scene(self.scene, stack, self.noise, depth, start, pixels=pixels)
+        return PixelProblem(stack, self.dictionary, pixels, depth).solve(self.noise, start=start)
 
     def _complete(self) -> MaterialBrdfs | None:
         """Give the palette's materials their values beyond the slice, for views from elsewhere."""

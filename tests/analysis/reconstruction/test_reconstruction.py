@@ -59,7 +59,7 @@ def test_the_stated_sigma_of_depth_is_of_the_size_of_its_error(reconstruction: R
 def test_every_choice_is_recorded_with_its_reason(reconstruction: Reconstruction):
     made = choices(reconstruction)
     effects = {"light", "dictionary", "field", "palette", "light power", "relative error", "parallax", "depth updates"}
-    assert set(made) == effects | {"neighbours"}
+    assert set(made) == effects | {"neighbours", "sigma"}
     assert made["light"] == ("collocated", "0.00 mm from the lens, as the stack says")
     assert all(reason for _, reason in made.values())
     assert reconstruction.choices[0].effect == "light"
