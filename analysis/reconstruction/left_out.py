@@ -175,7 +175,8 @@ def trial(
     n = binning_for(few.stack, _TRIAL_PIXELS)
     palettes = {"palette": scene, "alone": None} if scene is not None else {"alone": None}
     errors: dict[str, list[float]] = {"palette": [], "alone": [], "colour": []}
-    for view in np.unique(np.linspace(0, stack.n_views - 1, _N_TRIED).round().astype(np.int64)).tolist():
+    used = np.flatnonzero(np.isfinite(stack.light_power))
+    for view in used[np.unique(np.linspace(0, len(used) - 1, _N_TRIED).round().astype(np.int64))].tolist():
         without = foretold(view, few, n, seed=seed, threads=threads)
         grid = without.stack.grid
         squares = np.sort(rng.permutation(grid.height * grid.width)[: max(_N_SAMPLES // n**2, _FEWEST)])
