@@ -225,10 +225,12 @@ def light_is_unknown(stack: Stack, light: Light) -> bool:
     return light == "estimate" or (in_lens and stack.light_offset is None)
 
 
-def with_found_powers(stack: Stack, few: FewViews) -> Stack:
-    """Return the stack with the powers that were found with materials by colour, where views differ by much."""
+def found_powers(stack: Stack, few: FewViews) -> Chosen[Stack] | None:
+    """Return the stack with the powers that were found with materials by colour; None where views hardly differ."""
     off = np.nan_to_num(few.log_power)
-    return stack if off.std() < _POWERS_DIFFER else replace(stack, light_power=stack.light_power * np.exp(off))
+    if off.std() < _POWERS_DIFFER:
+        return None
+    return Chosen(replace(stack, light_power=stack.light_power * np.exp(off)), power_choice(few))
 
 
 def light_is_uncertain(stack: Stack, light: Light) -> bool:

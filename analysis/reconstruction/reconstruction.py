@@ -35,6 +35,7 @@ from analysis.reconstruction.effects import (
     choose_parallax,
     choose_power,
     depth_has_settled,
+    found_powers,
     light_by_plane,
     light_is_uncertain,
     light_is_unknown,
@@ -43,7 +44,6 @@ from analysis.reconstruction.effects import (
     refine_light,
     smoother_text,
     theta_d_sigma,
-    with_found_powers,
 )
 from analysis.reconstruction.error_budget import ErrorBudget, error_budget
 from analysis.reconstruction.gross_shape import NO_SHAPE, gross_shape, shape_choice
@@ -178,8 +178,8 @@ class _Run:
             else:
                 self.light = choose_light(field.value, self.dictionary, options.light, self.rng)
             stack = self.light.value.stack
-            if by_colour is not None:
-                stack = with_found_powers(stack, by_colour)
+            found = None if by_colour is None else found_powers(stack, by_colour)
+            stack = stack if found is None else found.value
             self.noise = estimate_noise(stack, self.dictionary, self.rng)
         with stages.measure("palette"):
             palette = choose_palette(stack, self.dictionary, self.noise, options.palette, self.surface, self.rng)
@@ -188,7 +188,10 @@ class _Run:
             if self.scene is not None:
                 self.noise = self.scene.noise(stack, self.noise)
         self.stack = self.fitted = stack
-        self.effects = [dictionary.choice, field.choice, palette.choice, power.choice]
+        powers = (
+            [power.choice] if found is None else [found.choice, replace(power.choice, effect="light power, refined")]
+        )
+        self.effects = [dictionary.choice, field.choice, palette.choice, *powers]
         self.updates = Chosen(False, Choice("depth updates", "0", FORCED))
 
     def solve(self, depth: Array | None) -> None:
@@ -343,6 +346,8 @@ class _Run:
     def result(self) -> Reconstruction:
         """Return what came of it."""
         assert self.fits is not None
+        # Before the depth, whose sigma follows from that of the normals.
+        self._hear_views_apart()
         sigma = np.full(self.depth.shape, np.nan)
         if self.surface:
             with self.stages.measure("depth"):
@@ -360,7 +365,6 @@ class _Run:
             self.depth = self.depth - np.nanmean(self.depth)
         text = "the typical residual made one of its stated sigma"
         self.effects.append(Choice("relative error", f"{self.noise.relative:.4f}", text))
-        self._hear_views_apart()
         materials = self._complete()
         budget = self._budget()
         self.fits = self.fits.widened(theta_d_sigma(self.stack))

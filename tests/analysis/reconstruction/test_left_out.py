@@ -31,6 +31,8 @@ def test_whichever_materials_predict_better_have_the_powers_and_the_light_that_w
     taken = phone(40)
     found = reconstruct(taken.stack, Options(accuracy="draft"))
     assert chosen(found)["light"] == "offset"
+    assert chosen(found)["light power"] == "per view"
+    assert "light power, refined" in chosen(found)
     assert np.std(np.log(found.stack.light_power) - taken.log_power) < 0.03
     assert angular_error_deg(found.normals.reshape(-1, 3), taken.normals).mean() < 0.7
 
