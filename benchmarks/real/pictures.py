@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis.drawing.colours import display_colours, normal_colours
@@ -13,7 +12,7 @@ from analysis.few_views.method import binning_for
 from analysis.pixels.problem import sample_pixels
 from analysis.reconstruction.left_out import fits_without, foretold, predicted
 from analysis.reconstruction.reconstruction import Reconstruction
-from instrument.files.whole_file import written_whole
+from benchmarks.common.pictures import draw_row
 
 Array = NDArray[np.float64]
 
@@ -36,13 +35,7 @@ def draw(found: Reconstruction, path: Path) -> None:
         "normals": normal_colours(found.normals),
         "depth, mm": found.depth,
     }
-    figure = Figure(figsize=(12, 3.3), layout="constrained")
-    for ax, (title, shown) in zip(figure.subplots(1, 4), pictures.items(), strict=True):
-        ax.imshow(shown)
-        ax.set_title(title, fontsize=9)
-        ax.set_axis_off()
-    with written_whole(path, overwrite=True) as part:
-        figure.savefig(part, dpi=90, format="png")
+    draw_row(pictures, path)
 
 
 def _left_out(found: Reconstruction, view: int) -> tuple[Array, Array]:

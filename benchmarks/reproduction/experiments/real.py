@@ -10,7 +10,6 @@ import os
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis.drawing.colours import display_colours, normal_colours
@@ -19,8 +18,8 @@ from analysis.reconstruction.options import Options
 from analysis.reconstruction.reconstruction import Reconstruction, reconstruct
 from analysis.registration.registered_pictures import import_registered
 from analysis.registration.stack import Stack
+from benchmarks.common.pictures import draw_row
 from benchmarks.reproduction.experiment import Experiment, Finding, Request, Row, SkippedError, Verdict
-from instrument.files.whole_file import written_whole
 
 Array = NDArray[np.float64]
 
@@ -95,13 +94,7 @@ def _draw(stack: Stack, found: Reconstruction, path: Path) -> None:
         "rendered, its photograph left out": display_colours(predicted.reshape(photograph.shape), white),
         "the photograph": display_colours(photograph, white),
     }
-    figure = Figure(figsize=(11, 2.7), layout="constrained")
-    for ax, (title, shown) in zip(figure.subplots(1, 5), pictures.items(), strict=True):
-        ax.imshow(shown)
-        ax.set_title(title, fontsize=9)
-        ax.set_axis_off()
-    with written_whole(path, overwrite=True) as part:
-        figure.savefig(part, dpi=80, format="png")
+    draw_row(pictures, path)
 
 
 EXPERIMENT = Experiment(
