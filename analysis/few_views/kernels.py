@@ -115,10 +115,34 @@ def _angles(p: float, q: float, seen: Seen, v: int, x: int) -> tuple[float, floa
     return t, t_p, t_q, math.log(s), (-lx * k - s * p * k * k) / s, (-ly * k - s * q * k * k) / s
 
 
+@kernel
+def _radiance(m: float, e: float) -> float:
+    """Return exp(m), bounded while a curve is still far off."""
+    return e * math.exp(min(m - math.log(e), _LOG_MOST))
+
+
+@kernel
+def _sample(
+    seen: Seen, materials: Materials, k: int, v: int, x: int, c: int, t: float, shade: float
+) -> tuple[float, float, float, float]:
+    """Return a sample's residual, its weight without Student's, d log(M + e) / dm, and the slope of the curve at t.
+
+    `shade` is log n.l with the log albedo.
+    """
+    e = materials.dark
+    log_f, f_t = _look_up(materials.table[k, c], t)
+    M = _radiance(log_f + shade + seen.log_gain[v, x], e)
+    r = math.log((seen.radiance[v, x, c] + e) / (M + e))
+    w = materials.weight[k]
+    if seen.clipped[v, x, c] > 0 and r < 0.0:
+        w *= CLIPPED_PULL
+    return r, w, M / (M + e), f_t
+
+
 @fast_kernel
 def _loss(x: int, p: float, q: float, a: Array, seen: Seen, materials: Materials, field: Field) -> float:
     n_views, _, n_channels = seen.radiance.shape
-    k, e = field.material[x], materials.dark
+    k = field.material[x]
     # The logarithm of a product, since a logarithm takes longer than all else here.
     total: float = 0.0
     product = 1.0
@@ -127,12 +151,7 @@ def _loss(x: int, p: float, q: float, a: Array, seen: Seen, materials: Materials
         for c in range(n_channels):
             if seen.valid[v, x, c] == 0:
                 continue
-            log_f, _ = _look_up(materials.table[k, c], t)
-            M = e * math.exp(min(log_f + log_s + seen.log_gain[v, x] + a[c] - math.log(e), _LOG_MOST))
-            r = math.log((seen.radiance[v, x, c] + e) / (M + e))
-            w = materials.weight[k]
-            if seen.clipped[v, x, c] > 0 and r < 0.0:
-                w *= CLIPPED_PULL
+            r, w, _, _ = _sample(seen, materials, k, v, x, c, t, log_s + a[c])
             product *= 1.0 + r * r * w / NU
         if product > _LARGE:
             total += 0.5 * (NU + 1.0) * math.log(product)
@@ -152,7 +171,7 @@ def _equations(
 ) -> None:
     """Write the normal equations J d = g of a step of (p, q, a) at a pixel."""
     n_views, _, n_channels = seen.radiance.shape
-    k, e = field.material[x], materials.dark
+    k = field.material[x]
     J[:] = 0.0
     g[:] = 0.0
     for v in range(n_views):
@@ -160,14 +179,8 @@ def _equations(
         for c in range(n_channels):
             if seen.valid[v, x, c] == 0:
                 continue
-            log_f, f_t = _look_up(materials.table[k, c], t)
-            M = e * math.exp(min(log_f + log_s + seen.log_gain[v, x] + a[c] - math.log(e), _LOG_MOST))
-            r = math.log((seen.radiance[v, x, c] + e) / (M + e))
-            w = materials.weight[k]
-            if seen.clipped[v, x, c] > 0 and r < 0.0:
-                w *= CLIPPED_PULL
+            r, w, m, f_t = _sample(seen, materials, k, v, x, c, t, log_s + a[c])
             w *= (NU + 1.0) / (NU + r * r * w)
-            m = M / (M + e)
             j_p, j_q = m * (f_t * t_p + s_p), m * (f_t * t_q + s_q)
             i = 2 + c
             g[0] += w * j_p * r
@@ -298,8 +311,7 @@ def predict(pixels: NDArray[np.int64], seen: Seen, materials: Materials, field: 
             t, _, _, log_s, _, _ = _angles(field.slope[x, 0], field.slope[x, 1], seen, v, x)
             for c in range(n_channels):
                 log_f, _ = _look_up(materials.table[field.material[x], c], t)
-                m = log_f + log_s + seen.log_gain[v, x] + field.albedo[x, c] - math.log(materials.dark)
-                out[v, i, c] = materials.dark * math.exp(min(m, _LOG_MOST))
+                out[v, i, c] = _radiance(log_f + log_s + seen.log_gain[v, x] + field.albedo[x, c], materials.dark)
 
 
 @kernel
@@ -333,7 +345,7 @@ def curve_equations(
         and that of the products of two channels.
     """
     n_views, _, n_channels = seen.radiance.shape
-    n_nodes, e = nodes.shape[0], materials.dark
+    n_nodes = nodes.shape[0]
     r, u = np.zeros(n_channels), np.zeros(n_channels)
     for x in range(first, last):
         k = field.material[x]
@@ -347,20 +359,13 @@ def curve_equations(
                 for c in range(n_channels):
                     if seen.valid[v, x, c] == 0:
                         continue
-                    log_f, _ = _look_up(materials.table[k, c], t)
-                    m = log_f + log_s + seen.log_gain[v, x] + field.albedo[x, c] - math.log(e)
-                    M = e * math.exp(min(m, _LOG_MOST))
-                    r[c] = math.log((seen.radiance[v, x, c] + e) / (M + e))
-                    w = materials.weight[k]
-                    if seen.clipped[v, x, c] > 0 and r[c] < 0.0:
-                        w *= CLIPPED_PULL
+                    r[c], w, m, _ = _sample(seen, materials, k, v, x, c, t, log_s + field.albedo[x, c])
                     u[c] = (NU + 1.0) / (NU + r[c] * r[c] * w)
                     if j == 0 and seen.clipped[v, x, c] == 0:
                         misfit[k, 0] += u[c] * r[c] * r[c]
                         misfit[k, 1] += 1.0
                         n_free += 1
                     w *= u[c] * share
-                    m = M / (M + e)
                     S[k, c, i, i] += w * m * m * (1.0 - f) * (1.0 - f)
                     S[k, c, i, i + 1] += w * m * m * (1.0 - f) * f
                     S[k, c, i + 1, i + 1] += w * m * m * f * f
