@@ -40,6 +40,10 @@ _FIRST_SPREAD, _SPREAD_ROUNDS = 0.03, 3  # of slopes about their neighbours'
 
 _SPREADS, _INFLATIONS = np.geomspace(2e-4, 0.3, 40), np.geomspace(0.5, 30.0, 22)
 
+# About a pixel, within which slopes are as rough as at it; and times the expected variance, up to which what is seen of
+# it there is chance and a few pixels that stand out.
+_ROUGH_PX, _NO_CHANCE = 2.0, 2.0
+
 _NU = 4.0  # of Student's t: a few pixels stand in a wrong minimum
 
 _STEEPEST_Z = 0.3  # of a normal: a slope beyond 73 deg is no word
@@ -249,19 +253,27 @@ def ask_neighbours(fits: PixelFits, shape: tuple[int, int], material: Labels, rn
         of_mean = smoother.variance_of_others(1.0 / variance, material)
         spread, inflation = _scatter(off2, variance + of_mean)
         said = _weighed(slope, variance, spread, inflation)
-    # Student's weights: at an edge a pixel is not like its neighbours, and does not have to be.
-    expected = inflation * (variance + of_mean) + spread**2
-    alike = np.minimum((_NU + 2.0) / (_NU + off2 / expected), 1.0)
-    alike = np.where(np.isfinite(variance), alike, 1.0).ravel()
+    # Fine detail beside a smooth ground is as rough as it is there, and at an edge a pixel is not like its neighbours.
+    known = inflation * (variance + of_mean)
+    beyond = _local_scatter(off2, np.isfinite(variance)) - _NO_CHANCE * (known + spread**2)
+    rough = spread**2 + np.maximum(beyond, 0.0)
+    alike = np.minimum((_NU + 2.0) / (_NU + off2 / (known + rough)), 1.0)
+    alike, rough = (np.where(np.isfinite(variance), a, b).ravel() for a, b in ((alike, 1.0), (rough, spread**2)))
     normal = np.concatenate([-mean, np.ones((*shape, 1))], axis=-1).reshape(-1, 3)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    sigma = np.sqrt((spread**2 / inflation + of_mean.ravel()) / alike)
+    sigma = np.sqrt((rough / inflation + of_mean.ravel()) / alike)
     return Told(NormalPrior(normal, sigma), max(inflation, 1.0), smoother, spread)
 
 
 def _weighed(slope: Array, variance: Array, spread: float, inflation: float) -> Words:
     precision = 1.0 / np.maximum(inflation * variance, 1e-12)
     return Words(slope, precision, 1.0 / (inflation * variance + spread**2))
+
+
+def _local_scatter(off2: Array, told: NDArray[np.bool_]) -> Array:
+    """Return the variance of a slope about its neighbours' mean, from what is seen of it around each pixel."""
+    total = gaussian_filter(np.where(told, 0.5 * off2, 0.0), _ROUGH_PX, mode="nearest")
+    return np.asarray(total / (gaussian_filter(told.astype(np.float64), _ROUGH_PX, mode="nearest") + _TINY))
 
 
 def _scatter(off2: Array, variance: Array) -> tuple[float, float]:

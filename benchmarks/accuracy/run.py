@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import os
-import platform
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import asdict
-from importlib.metadata import version
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -18,6 +15,7 @@ from analysis.stages import Track, peak_memory_mb, untracked
 from benchmarks.accuracy.checks import checks
 from benchmarks.accuracy.rows import Row, paired, score
 from benchmarks.accuracy.settings import N_VIEWS, NOISE, PARTS, QUICK_PARTS, Entry, Setting
+from benchmarks.common.origin import origin
 from benchmarks.common.methods import METHODS, Estimate, Method
 from benchmarks.common.scenes import Scene, independent, relief
 from benchmarks.speed.integration import fastest_seconds
@@ -31,8 +29,6 @@ N_TIMED = 16
 N_WARM_VIEWS = 25
 
 SHORT_SECONDS = 1.0
-
-PACKAGES = ("halfangle", "numpy", "scipy", "numba", "matplotlib")
 
 
 def bench(
@@ -56,8 +52,7 @@ def bench(
     for setting in track(chosen):
         rows += run_setting(setting, seed, announce)
     add_ratios(rows, seed)
-    report: Report = {"seed": seed, "day": time.strftime("%Y-%m-%d"), "machine": machine(), "load": load}
-    report |= {"versions": {name: version(name) for name in PACKAGES}, "rows": rows}
+    report: Report = {"seed": seed} | origin() | {"load": load, "rows": rows}
     report["integration_seconds"] = fastest_seconds()
     report["checks"] = [asdict(check) for check in checks(seed)]
     return report | {"seconds": time.perf_counter() - begin, "peak_mb": peak_memory_mb()}
@@ -199,19 +194,3 @@ def add_ratios(rows: list[Row], seed: int) -> None:
         row["ratio_to_reference"] = row["pixels_per_s"] / float(np.mean(measured[nearest]))
         if row["cpu_seconds"] > 0.0:
             row["cpu_ratio_to_reference"] = row["n_pixels"] / row["cpu_seconds"] / float(np.mean(cpu[nearest]))
-
-
-def machine() -> dict[str, Any]:
-    """Return what the figures were taken on."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return {"cpu": cpu_model(), "cores": cores, "system": platform.system(), "python": platform.python_version()}
-
-
-def cpu_model(info: Path = Path("/proc/cpuinfo")) -> str:
-    """Return the processor's name, where the system tells it."""
-    if info.is_file():
-        for text in info.read_text(encoding="utf-8").splitlines():
-            name, _, value = text.partition(":")
-            if name.strip() == "model name":
-                return value.strip()
-    return platform.processor() or platform.machine()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from benchmarks.common.origin import origin
 from benchmarks.real.run import Row
 from instrument.files.json_file import write_json
 from instrument.files.text_table import text_table
@@ -22,7 +23,7 @@ def rows_table(rows: list[Row]) -> str:
 
 def keep(rows: list[Row], seed: int, path: Path = KEPT) -> None:
     """Write the rows to a file, over those of an earlier run."""
-    write_json(path, {"seed": seed, "rows": [row.as_dict() for row in rows]}, overwrite=True)
+    write_json(path, {"seed": seed} | origin() | {"rows": [row.as_dict() for row in rows]}, overwrite=True)
 
 
 def _cells(row: Row) -> tuple[str, ...]:

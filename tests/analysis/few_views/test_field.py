@@ -108,3 +108,19 @@ def test_pixels_that_are_not_solved_are_told_and_say_nothing():
     told = ask_neighbours(fits, SHAPE, NONE.ravel(), rng)
     assert np.isfinite(told.prior.normal).all()
     assert np.isfinite(told.prior.sigma).all()
+
+
+def test_fine_detail_beside_a_smooth_ground_is_not_taken_for_as_smooth_as_it():
+    """A coin: its relief is rougher by far than the ground, which most of its pixels see."""
+    rng = np.random.default_rng(7)
+    slope = gradient_field(rng, 9.0)
+    fine = np.zeros(SHAPE, bool)
+    fine[30:60, 30:60] = True
+    slope[fine] = 0.3 * rng.standard_normal((int(fine.sum()), 2))
+    told = ask_neighbours(fits_with(slope + 0.002 * rng.standard_normal(slope.shape), 0.002), SHAPE, NONE.ravel(), rng)
+    sigma = told.prior.sigma.reshape(SHAPE)
+    assert np.median(sigma[35:55, 35:55]) > 0.2
+    assert np.median(sigma[:20]) < 0.05
+    off = -told.prior.normal[:, :2] / told.prior.normal[:, 2:] - slope.reshape(-1, 2)
+    z = off[fine.ravel()] / told.prior.sigma[fine.ravel(), None]
+    assert np.sqrt(np.mean(z**2)) < 1.2

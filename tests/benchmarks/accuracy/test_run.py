@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from benchmarks.accuracy.compare import SAME, STATISTICS, compare, read_report
+from benchmarks.accuracy.compare import SAME, STATISTICS, compare, kept_result, read_report
 from benchmarks.accuracy.page import page
 from benchmarks.accuracy.pareto import pareto, points
 from benchmarks.accuracy.rows import KEYS
-from benchmarks.accuracy.run import add_ratios, bench, cpu_model, head, selected
+from benchmarks.accuracy.run import add_ratios, bench, head, selected
 from benchmarks.accuracy.settings import NOISE, PARTS, QUICK_PARTS, Setting, entries, settings
 from benchmarks.accuracy.targets import TARGETS, judged
 from instrument.files.json_file import write_json
@@ -163,16 +163,11 @@ def test_words_of_only_that_mean_nothing_are_told_together() -> None:
         selected(settings(quick=True), "hard")
 
 
-def test_the_processor_is_named_as_the_system_names_it(tmp_path: Path) -> None:
-    info = tmp_path / "cpuinfo"
-    info.write_text("processor\t: 0\nmodel name\t: Fast One 9000\n")
-    assert cpu_model(info) == "Fast One 9000"
-    assert cpu_model(tmp_path / "nothing")
-
-
 def test_kept_results_are_results() -> None:
-    kept = sorted((Path(__file__).parents[3] / "benchmarks" / "results").glob("*.json"))
-    for path in kept:
-        found = read_report(path)
-        assert {"machine", "versions", "seed"} <= set(found)
-        assert json.loads(path.read_text())["rows"]
+    for path in (kept_result(quick=True), kept_result(quick=False)):
+        assert read_report(path)["rows"]
+
+
+def test_every_kept_result_says_where_its_figures_come_from() -> None:
+    for path in kept_result(quick=True).parent.glob("*.json"):
+        assert {"day", "machine", "versions", "seed", "rows"} <= set(json.loads(path.read_text()))
