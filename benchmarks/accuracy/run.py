@@ -15,8 +15,8 @@ from analysis.stages import Track, peak_memory_mb, untracked
 from benchmarks.accuracy.checks import checks
 from benchmarks.accuracy.rows import Row, paired, score
 from benchmarks.accuracy.settings import N_VIEWS, NOISE, PARTS, QUICK_PARTS, Entry, Setting
-from benchmarks.common.origin import origin
 from benchmarks.common.methods import METHODS, Estimate, Method
+from benchmarks.common.origin import origin
 from benchmarks.common.scenes import Scene, independent, relief
 from benchmarks.speed.integration import fastest_seconds
 from instrument.files.validation import InvalidInputError, Problem
