@@ -1,5 +1,5 @@
 #!/bin/sh
-# No tracked file may name a package registry's host or a path of somebody's machine.
+# No tracked file may name a package registry's host or a path of somebody's machine, nor be an installed package.
 set -eu
 cd "$(dirname "$0")/.."
 if ! git rev-parse --is-inside-work-tree >/dev/null 2>&1; then
@@ -20,7 +20,8 @@ for pattern in "$hosts" "$paths"; do
     *) exit "$status" ;;
     esac
 done
+if git ls-files | grep -E '\.(whl|egg|so|pyc)$'; then found=1; fi
 if [ "$found" = 1 ]; then
-    echo "check_tracked_files: the lines above name a registry's host or a machine's path; take it out" >&2
+    echo "check_tracked_files: the lines above name a registry's host or a machine's path, or are packages; take them out" >&2
     exit 1
 fi
