@@ -12,15 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.calibration.light import Lighting, find_light
-from analysis.camera.board_detection import BoardCorners, detect_corners
+from analysis.camera.board_detection import BoardCorners, detect_corners, detection_image
 from analysis.camera.board_findings import BoardFindings, board_findings
 from analysis.camera.board_layout import BoardLayout
+from analysis.camera.board_statement import (
+    MarkerEvidence,
+    counted_by_inner_corners,
+    marker_evidence,
+    mirrored,
+    old_patterns,
+    other_board,
+)
 from analysis.camera.calibration import MIN_VIEWS, CameraCalibration, calibrate_camera, usable_views
 from analysis.camera.lens import Lens
 from analysis.light.flat_field import FlatField, session_flat_field
 from analysis.radiometry.conversion import RadiometryFindings
 from analysis.radiometry.frames import MergedFrames
 from analysis.stages import Stages
+from instrument.files.validation import InvalidInputError, Problem
 from instrument.session.session import Session
 
 Array = NDArray[np.float64]
@@ -127,13 +136,18 @@ def calibrate_session(session: Session, frames: MergedFrames, stages: Stages) ->
         dropped = tuple(
             f"pose {i}: {len(c)} board corners" for i, c, ok in zip(frames.i_pose, found, usable, strict=True) if not ok
         )
+        stated = session.nominal.boards
+        legacy = frozenset.union(frozenset(), *(c.legacy for c in found))
+        markers = marker_evidence(stated, [c.markers for c in found], legacy)
         with stages.measure("camera"):
             corners = [c for c, ok in zip(found, usable, strict=True) if ok]
-            nominal = BoardLayout.nominal(session.nominal.boards)
+            if len(corners) < MIN_VIEWS:
+                _refuse_other_boards(session, frames, markers)
+            nominal = BoardLayout.nominal(stated)
             camera = calibrate_camera(
                 corners, frames.image_size, nominal, session.nominal.focal_length_px, _known(session)
             )
-        boards = board_findings(camera.bundle, nominal, frozenset.union(frozenset(), *(c.legacy for c in corners)))
+        boards = board_findings(camera.bundle, nominal, legacy, markers)
         i_pose = frames.i_pose[usable]
     with stages.measure("light"):
         flat = _flat_field(session, frames, camera)
@@ -160,23 +174,51 @@ def _flat_field(session: Session, frames: MergedFrames, camera: CameraCalibratio
 
 
 def _find_boards(session: Session, frames: MergedFrames, stages: Stages) -> list[BoardCorners]:
-    """Find the corners twice in a few views, to know the lens, and then through it in all."""
-    lens = _first_lens(session, frames, stages)
-    return [_detect(session, frames, int(i), lens) for i in stages.track(frames.i_pose.tolist())]
-
-
-def _first_lens(session: Session, frames: MergedFrames, stages: Stages) -> Lens | None:
+    """Find the corners twice in a few views, to know lens and pattern, and then with these in all."""
     picked = frames.i_pose[np.unique(np.linspace(0, len(frames.i_pose) - 1, _FIRST_VIEWS).round().astype(int))]
-    found = [c for i in stages.track(picked.tolist()) if usable_views([c := _detect(session, frames, int(i), None)])[0]]
+    first = [_detect(session, frames, int(i), None, None) for i in stages.track(picked.tolist())]
+    legacy = old_patterns(session.nominal.boards, [c.markers for c in first])
+    lens = _first_lens(session, frames, [c for c in first if all((k in c.legacy) == old for k, old in legacy.items())])
+    return [_detect(session, frames, int(i), lens, legacy) for i in stages.track(frames.i_pose.tolist())]
+
+
+def _first_lens(session: Session, frames: MergedFrames, found: list[BoardCorners]) -> Lens | None:
+    found = [c for c, ok in zip(found, usable_views(found), strict=True) if ok]
     if len(found) < MIN_VIEWS:
         return None
     layout = BoardLayout.nominal(session.nominal.boards)
     return calibrate_camera(found, frames.image_size, layout, session.nominal.focal_length_px).bundle.state.lens
 
 
-def _detect(session: Session, frames: MergedFrames, i_pose: int, lens: Lens | None) -> BoardCorners:
+def _refuse_other_boards(session: Session, frames: MergedFrames, markers: tuple[MarkerEvidence | None, ...]) -> None:
+    """Raise where boards are hardly found, and the pictures tell why."""
+    stated = session.nominal.boards
+    problems = [
+        Problem(f"board {k}", f"{told}; state it so") for k, told in enumerate(map(other_board, markers)) if told
+    ]
+    shown, bound = _grey(frames, int(frames.i_pose[0]))
+    image = detection_image(np.where(bound, np.float32(np.nan), shown), frames.bayer_pattern)
+    if mirrored(image, stated):
+        problems.append(Problem("boards", "the pictures show them mirrored; turn the pictures round, left for right"))
+    for k, board in enumerate(stated):
+        if board.kind == "checkerboard" and counted_by_inner_corners(image, board):
+            squares = [n + 1 for n in board.squares]
+            problems.append(Problem(f"board {k}", f"the picture fits squares = {squares}; count squares, not corners"))
+    if problems:
+        raise InvalidInputError("The camera cannot be calibrated.", problems)
+
+
+def _detect(
+    session: Session, frames: MergedFrames, i_pose: int, lens: Lens | None, legacy: dict[int, bool] | None
+) -> BoardCorners:
+    grey, bound = _grey(frames, i_pose)
+    return detect_corners(grey, frames.bayer_pattern, session.nominal.boards, lens, bound, legacy)
+
+
+def _grey(frames: MergedFrames, i_pose: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return a pose's picture, and where it is a lower bound only."""
     merged = frames.merge(i_pose)
-    picture = np.where(merged.saturated, np.float32(np.nan), merged.mean)
+    if merged.mean.ndim == 2:
+        return merged.mean, merged.saturated
     # Boards are black and white: the mean of the colours shows them with the least noise.
-    grey = picture.mean(axis=-1) if picture.ndim == 3 else picture
-    return detect_corners(grey, frames.bayer_pattern, session.nominal.boards, lens)
+    return merged.mean.mean(axis=-1), np.asarray(merged.saturated.any(axis=-1))

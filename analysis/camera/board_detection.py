@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.camera.board_pattern import charuco_board, chessboard_corners, marker_dictionary, n_markers, pattern
-from analysis.camera.corner_refinement import align_corners, project
+from analysis.camera.board_pattern import (
+    chessboard_corners,
+    marker_dictionary,
+    marker_outlines,
+    n_markers,
+    pattern,
+)
+from analysis.camera.corner_refinement import Shown, align_corners, project
 from analysis.camera.lens import Lens
 from analysis.radiometry.mosaic import channel_of_cell
 from instrument.session.records import Board
@@ -32,6 +38,23 @@ _N_NEAR = 16
 
 
 @dataclass(frozen=True, slots=True)
+class SeenMarkers:
+    """Markers of one dictionary in one picture.
+
+    Attributes
+    ----------
+    dictionary : str
+    ids : ndarray of int, shape (n,)
+    outlines : ndarray, shape (n, 4, 2)
+        Their corners, pixels.
+    """
+
+    dictionary: str
+    ids: NDArray[np.int64]
+    outlines: Array
+
+
+@dataclass(frozen=True, slots=True)
 class BoardCorners:
     """Chessboard corners of all boards found in one picture.
 
@@ -45,19 +68,24 @@ class BoardCorners:
         Of the image points, from the noise of the picture, pixels squared.
     legacy : frozenset of int
         Boards whose pattern is that of OpenCV before its version 4.6.
+    markers : tuple of SeenMarkers
+        All that were seen, also such as no board is stated to have.
     """
 
     corner: NDArray[np.int64]
     image_points: Array
     covariance: Array
     legacy: frozenset[int] = frozenset()
+    markers: tuple[SeenMarkers, ...] = ()
 
     def __len__(self) -> int:
         return len(self.image_points)
 
     def select(self, keep: NDArray[np.bool_]) -> BoardCorners:
         """Return the corners where `keep` holds."""
-        return BoardCorners(self.corner[keep], self.image_points[keep], self.covariance[keep], self.legacy)
+        return replace(
+            self, corner=self.corner[keep], image_points=self.image_points[keep], covariance=self.covariance[keep]
+        )
 
 
 def detection_image(picture: NDArray[np.float32], bayer_pattern: str) -> NDArray[np.uint8]:
@@ -84,32 +112,44 @@ def detection_image(picture: NDArray[np.float32], bayer_pattern: str) -> NDArray
 
 
 def detect_corners(
-    picture: NDArray[np.float32], bayer_pattern: str, boards: Sequence[Board], lens: Lens | None = None
+    picture: NDArray[np.float32],
+    bayer_pattern: str,
+    boards: Sequence[Board],
+    lens: Lens | None = None,
+    clipped: NDArray[np.bool_] | None = None,
+    legacy: Mapping[int, bool] | None = None,
 ) -> BoardCorners:
     """Find the chessboard corners of all `boards` in one picture; markers are searched once a dictionary.
 
     Parameters
     ----------
     picture : ndarray of float32, shape (height, width)
-        Linear, in the sensor's mosaic or monochrome; NaN where it clips.
+        Linear, in the sensor's mosaic or monochrome; NaN where nothing is known.
     bayer_pattern : str
     boards : sequence of Board
         Their marker ids must not overlap within a dictionary.
     lens : Lens or None
         If it is known already; see `analysis.camera.corner_refinement.align_corners`.
+    clipped : ndarray of bool, shape (height, width), or None
+        Where the picture holds no more than a lower bound.
+    legacy : mapping of int to bool, or None
+        Boards of which it is known whether their pattern is that of OpenCV before its version 4.6; the others are
+        tried both ways.
     """
-    image = detection_image(picture, bayer_pattern)
-    cell = channel_of_cell(bayer_pattern)
+    clipped = np.zeros(picture.shape, np.bool_) if clipped is None else clipped
+    image = detection_image(np.where(clipped, np.float32(np.nan), picture), bayer_pattern)
+    shown = Shown(picture, clipped, channel_of_cell(bayer_pattern))
+    markers = see_markers(image, boards)
     first = np.cumsum([0, *((b.squares[0] - 1) * (b.squares[1] - 1) for b in boards)])
-    found, legacy = [], set()
-    for index, candidates in board_readings(image, boards):
-        fits = [_fit_board(picture, cell, boards[index], candidate, lens) for candidate in candidates]
+    found, old = [], set()
+    for index, candidates in board_readings(image, boards, markers, legacy or {}):
+        fits = [_fit_board(shown, boards[index], candidate, lens) for candidate in candidates]
         best = max(range(len(fits)), key=lambda k: len(fits[k]))
         if len(fits[best]):
             found.append(replace(fits[best], corner=fits[best].corner + first[index]))
             if candidates[best].legacy:
-                legacy.add(index)
-    return _joined(found, frozenset(legacy))
+                old.add(index)
+    return _joined(found, frozenset(old), markers)
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +171,17 @@ class BoardReading:
     image_points: Array
 
 
-def board_readings(image: NDArray[np.uint8], boards: Sequence[Board]) -> Iterator[tuple[int, list[BoardReading]]]:
+def see_markers(image: NDArray[np.uint8], boards: Sequence[Board]) -> tuple[SeenMarkers, ...]:
+    """Return all markers of the boards' dictionaries in a picture as `detection_image` returns it."""
+    return tuple(_markers(image, name) for name in sorted({b.dictionary for b in boards if b.kind == "charuco"}))
+
+
+def board_readings(
+    image: NDArray[np.uint8],
+    boards: Sequence[Board],
+    markers: Sequence[SeenMarkers],
+    legacy: Mapping[int, bool],
+) -> Iterator[tuple[int, list[BoardReading]]]:
     """Yield the index of each board that shows, with every reading of it.
 
     Parameters
@@ -139,34 +189,39 @@ def board_readings(image: NDArray[np.uint8], boards: Sequence[Board]) -> Iterato
     image : ndarray of uint8, shape (H, W)
         As `detection_image` returns it.
     boards : sequence of Board
+    markers : sequence of SeenMarkers
+        In that picture.
+    legacy : mapping of int to bool
+        As `detect_corners`.
     """
-    markers = {name: _markers(image, name) for name in {b.dictionary for b in boards if b.kind == "charuco"}}
+    of = {seen.dictionary: seen for seen in markers}
     for index, board in enumerate(boards):
         if board.kind == "checkerboard":
             readings = _checkerboard_readings(image, board)
         else:
-            readings = _charuco_readings(*markers[board.dictionary], board)
+            ways = (legacy[index],) if index in legacy else (False, True)
+            readings = _charuco_readings(of[board.dictionary], board, ways)
         if readings:
             yield index, readings
 
 
-def _markers(image: NDArray[np.uint8], dictionary: str) -> tuple[Array, NDArray[np.int64]]:
-    """Return the corners (n, 4, 2) and ids (n,) of all markers of a dictionary."""
+def _markers(image: NDArray[np.uint8], dictionary: str) -> SeenMarkers:
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     corners, ids, _ = cv2.aruco.ArucoDetector(marker_dictionary(dictionary), parameters).detectMarkers(image)
     if ids is None or len(ids) == 0:
-        return np.zeros((0, 4, 2)), np.zeros(0, np.int64)
-    return np.asarray(corners, np.float64).reshape(-1, 4, 2), np.asarray(ids, np.int64).ravel()
+        return SeenMarkers(dictionary, np.zeros(0, np.int64), np.zeros((0, 4, 2)))
+    outlines = np.asarray(corners, np.float64).reshape(-1, 4, 2)
+    return SeenMarkers(dictionary, np.asarray(ids, np.int64).ravel(), outlines)
 
 
-def _charuco_readings(corners: Array, ids: NDArray[np.int64], board: Board) -> list[BoardReading]:
-    ours = (ids >= board.first_id) & (ids < board.first_id + n_markers(board))
+def _charuco_readings(seen: SeenMarkers, board: Board, ways: Sequence[bool]) -> list[BoardReading]:
+    ours = (seen.ids >= board.first_id) & (seen.ids < board.first_id + n_markers(board))
     readings = []
     # With an odd number of rows the old pattern and the new one are the same.
-    for legacy in (False, True)[: 1 if board.squares[1] % 2 else 2]:
-        outlines = np.asarray(charuco_board(board, legacy).getObjPoints(), np.float64)[ids[ours] - board.first_id]
-        on_board, in_picture = outlines[..., :2].reshape(-1, 2), corners[ours].reshape(-1, 2)
+    for legacy in ways[: 1 if board.squares[1] % 2 else 2]:
+        on_board = marker_outlines(board, legacy)[seen.ids[ours] - board.first_id].reshape(-1, 2)
+        in_picture = seen.outlines[ours].reshape(-1, 2)
         keep = _consistent(on_board, in_picture)
         readings.append(BoardReading(legacy, on_board[keep], in_picture[keep]))
     return [r for r in readings if len(r.board_points) >= _MIN_POINTS]
@@ -193,9 +248,7 @@ def _consistent(board_points: Array, image_points: Array) -> NDArray[np.bool_]:
     return np.asarray(inlier, bool).ravel() & bool(H is not None and np.linalg.det(H) > 0.0)
 
 
-def _fit_board(
-    picture: NDArray[np.float32], cell: NDArray[np.int64], board: Board, candidate: BoardReading, lens: Lens | None
-) -> BoardCorners:
+def _fit_board(shown: Shown, board: Board, candidate: BoardReading, lens: Lens | None) -> BoardCorners:
     """Fit the print twice: the corners found first lead to those that were missed."""
     grid = chessboard_corners(board)
     on_board, in_picture = candidate.board_points, candidate.image_points
@@ -207,7 +260,7 @@ def _fit_board(
         per_square = _texels_per_square(board, H)
         drawn = pattern(board, per_square, candidate.legacy)
         aligned = align_corners(
-            picture, cell, drawn, per_square / board.square_mm, H[known], grid[known], board.square_mm, lens
+            shown, drawn, per_square / board.square_mm, H[known], grid[known], board.square_mm, lens
         )
         with np.errstate(invalid="ignore"):
             ok = (aligned.contrast > 0.0) & (aligned.misfit < MISFIT)
@@ -243,10 +296,11 @@ def _texels_per_square(board: Board, homographies: Array) -> int:
     return next((n for n in _TEXELS if n >= wanted), _TEXELS[-1])
 
 
-def _joined(found: Sequence[BoardCorners], legacy: frozenset[int]) -> BoardCorners:
+def _joined(found: Sequence[BoardCorners], legacy: frozenset[int], markers: tuple[SeenMarkers, ...]) -> BoardCorners:
     return BoardCorners(
         np.concatenate([np.zeros(0, np.int64), *(f.corner for f in found)]),
         np.concatenate([np.zeros((0, 2)), *(f.image_points for f in found)]),
         np.concatenate([np.zeros((0, 2, 2)), *(f.covariance for f in found)]),
         legacy,
+        markers,
     )

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.camera.board_layout import BoardLayout
+from analysis.camera.board_statement import MarkerEvidence
 from analysis.camera.bundle_adjustment import Bundle
 
 Array = NDArray[np.float64]
@@ -29,6 +30,9 @@ class BoardFindings:
         Largest distance of a corner from its board's plane, mm.
     moved : ndarray, shape (n_boards,)
         How far each board lies from where it was to lie, mm.
+    markers : tuple of MarkerEvidence or None
+        For each board whether its markers are where it is stated to have them; None for a checkerboard. Empty where
+        none was looked at.
     """
 
     legacy: frozenset[int]
@@ -36,9 +40,12 @@ class BoardFindings:
     scale_sigma: float
     out_of_plane: Array
     moved: Array
+    markers: tuple[MarkerEvidence | None, ...] = ()
 
 
-def board_findings(bundle: Bundle, nominal: BoardLayout, legacy: frozenset[int]) -> BoardFindings:
+def board_findings(
+    bundle: Bundle, nominal: BoardLayout, legacy: frozenset[int], markers: tuple[MarkerEvidence | None, ...] = ()
+) -> BoardFindings:
     """Compare the boards as found with the boards as stated.
 
     Parameters
@@ -47,13 +54,14 @@ def board_findings(bundle: Bundle, nominal: BoardLayout, legacy: frozenset[int])
     nominal : BoardLayout
         As stated.
     legacy : frozenset of int
+    markers : tuple of MarkerEvidence or None
     """
     layout = bundle.state.layout
     scale, sigma = _scale(bundle, nominal)
     n_boards = len(layout.position)
     out = np.array([_out_of_plane(layout, b) for b in range(n_boards)])
     moved = np.linalg.norm(layout.position - nominal.position, axis=1)
-    return BoardFindings(legacy, scale, sigma, out, np.nan_to_num(moved))
+    return BoardFindings(legacy, scale, sigma, out, np.nan_to_num(moved), markers)
 
 
 def _scale(bundle: Bundle, nominal: BoardLayout) -> tuple[float, float]:

@@ -26,6 +26,11 @@ def n_markers(board: Board) -> int:
     return board.squares[0] * board.squares[1] // 2
 
 
+def marker_outlines(board: Board, legacy: bool = False) -> NDArray[np.float64]:
+    """Return the corners of a ChArUco board's markers, from its top left corner as others, mm, shape (n, 4, 2)."""
+    return np.asarray(charuco_board(board, legacy).getObjPoints(), np.float64)[..., :2]
+
+
 def marker_dictionary(name: str) -> cv2.aruco.Dictionary:
     """Return OpenCV's predefined dictionary of that name."""
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
@@ -69,9 +74,8 @@ def pattern(board: Board, texels_per_square: int, legacy: bool = False) -> NDArr
 def _markers(board: Board, legacy: bool) -> Iterator[tuple[int, int, NDArray[np.uint8]]]:
     """Yield row and column of each white square with the marker in it, 1 = paper, its black border included."""
     dictionary = marker_dictionary(board.dictionary)
-    outlines = np.asarray(charuco_board(board, legacy).getObjPoints(), np.float64)
-    for number, outline in enumerate(outlines, start=board.first_id):
-        column, row = np.floor(outline[:, :2].mean(axis=0) / board.square_mm).astype(int)
+    for number, outline in enumerate(marker_outlines(board, legacy), start=board.first_id):
+        column, row = np.floor(outline.mean(axis=0) / board.square_mm).astype(int)
         bits = dictionary.getBitsFromByteList(dictionary.bytesList[number : number + 1], dictionary.markerSize)
         yield int(row), int(column), np.pad(np.asarray(bits, np.uint8), 1)
 

@@ -8,7 +8,7 @@ with T the printed pattern as the camera would show it (through the board's homo
 known, the lens, averaged over a pixel and blurred), the shift d that is wanted, black a_c, contrast b_c,
 a gradient g of the light and an excess s of the blur's variance (a Gaussian's blur solves the heat
 equation). All edges within half a square take part, those of markers too. The noise of the fit gives
-the covariance of d.
+the covariance of d. A pixel that clips is a bound: it takes part where the model is below it.
 """
 
 from __future__ import annotations
@@ -42,6 +42,25 @@ _MAX_SHIFT = 2.5  # pixels: beyond, the fit may have caught a neighbour's edge
 
 
 @dataclass(frozen=True, slots=True)
+class Shown:
+    """A picture to measure corners in.
+
+    Attributes
+    ----------
+    picture : ndarray of float32, shape (height, width)
+        Linear, in the sensor's mosaic; NaN where nothing is known.
+    clipped : ndarray of bool, shape (height, width)
+        Where it holds no more than a lower bound.
+    cell : ndarray of int, shape (2, 2)
+        Channel of each place of the mosaic's cell, from 0.
+    """
+
+    picture: NDArray[np.float32]
+    clipped: NDArray[np.bool_]
+    cell: NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
 class Aligned:
     """Corners of one board in one picture.
 
@@ -67,8 +86,7 @@ class Aligned:
 
 
 def align_corners(
-    picture: NDArray[np.float32],
-    cell: NDArray[np.int64],
+    shown: Shown,
     pattern: NDArray[np.float32],
     texels_per_mm: float,
     homographies: Array,
@@ -80,10 +98,7 @@ def align_corners(
 
     Parameters
     ----------
-    picture : ndarray of float32, shape (height, width)
-        Linear, in the sensor's mosaic.
-    cell : ndarray of int, shape (2, 2)
-        Channel of each place of the mosaic's cell, from 0.
+    shown : Shown
     pattern : ndarray of float32, shape (rows, columns)
         0 = ink, 1 = paper.
     texels_per_mm : float
@@ -105,8 +120,8 @@ def align_corners(
     found = np.full((len(corners), _N_FOUND), np.nan)
     board_from_picture = np.asarray(np.linalg.inv(homographies), np.float64)
     _align(
-        picture, cell, int(cell.max()) + 1, pattern, texels_per_mm, board_from_picture, predicted,
-        _bend(lens, predicted), reach, found,
+        shown.picture, shown.clipped, shown.cell, int(shown.cell.max()) + 1, pattern, texels_per_mm,
+        board_from_picture, predicted, _bend(lens, predicted), reach, found,
     )  # fmt: skip
     covariance = found[:, [2, 3, 3, 4]].reshape(-1, 2, 2)
     return Aligned(found[:, :2], covariance, found[:, 5], found[:, 6], found[:, 7])
@@ -144,13 +159,14 @@ def _reach(homographies: Array, corners: Array, here: Array, square_mm: float) -
 
 @njit(cache=True, nogil=True, parallel=True)
 def _align(
-    picture: NDArray[np.float32], cell: NDArray[np.int64], n_channels: int, pattern: NDArray[np.float32],
-    texels_per_mm: float, board_from_picture: Array, predicted: Array, bend: Array, reach: NDArray[np.int64],
-    found: Array,
+    picture: NDArray[np.float32], clipped: NDArray[np.bool_], cell: NDArray[np.int64], n_channels: int,
+    pattern: NDArray[np.float32], texels_per_mm: float, board_from_picture: Array, predicted: Array, bend: Array,
+    reach: NDArray[np.int64], found: Array,
 ) -> None:  # fmt: skip
     for k in prange(len(predicted)):
         _align_one(
             picture,
+            clipped,
             cell,
             n_channels,
             pattern,
@@ -165,8 +181,9 @@ def _align(
 
 @njit(cache=True, nogil=True)
 def _align_one(
-    picture: NDArray[np.float32], cell: NDArray[np.int64], n_channels: int, pattern: NDArray[np.float32],
-    texels_per_mm: float, board_from_picture: Array, predicted: Array, bend: Array, r: int, found: Array,
+    picture: NDArray[np.float32], clipped: NDArray[np.bool_], cell: NDArray[np.int64], n_channels: int,
+    pattern: NDArray[np.float32], texels_per_mm: float, board_from_picture: Array, predicted: Array, bend: Array,
+    r: int, found: Array,
 ) -> None:  # fmt: skip
     n = 2 * r + 1
     column, row = int(np.rint(predicted[0])), int(np.rint(predicted[1]))
@@ -174,7 +191,8 @@ def _align_one(
         return
     fine = np.empty((SUBSAMPLES * (n + 2 * _MARGIN), SUBSAMPLES * (n + 2 * _MARGIN)))
     shown = np.empty((4, n, n))
-    patch = picture[row - r : row + r + 1, column - r : column + r + 1]
+    here = (slice(row - r, row + r + 1), slice(column - r, column + r + 1))
+    patch, bound = picture[here], clipped[here]
     channel = np.empty((n, n), np.int64)
     for i in range(n):
         for j in range(n):
@@ -185,7 +203,7 @@ def _align_one(
         left, top = column - r - dx - predicted[0], row - r - dy - predicted[1]
         _sample_pattern(pattern, texels_per_mm, board_from_picture, bend, left, top, fine)
         _show(fine, blur, shown)
-        noise = _fit(patch, channel, n_channels, shown, N, x)
+        noise = _fit(patch, bound, channel, n_channels, shown, N, x)
         dx, dy = dx + x[-3], dy + x[-2]
         blur = min(max(blur + x[-1], _MIN_BLUR), _MAX_BLUR)
         if not (abs(dx) <= _MAX_SHIFT and abs(dy) <= _MAX_SHIFT):
@@ -258,21 +276,23 @@ def _show(fine: Array, blur: float, shown: Array) -> None:
 
 @njit(cache=True, nogil=True)
 def _fit(
-    patch: NDArray[np.float32], channel: NDArray[np.int64], n_channels: int, shown: Array, N: Array, x: Array
-) -> float:
+    patch: NDArray[np.float32], bound: NDArray[np.bool_], channel: NDArray[np.int64], n_channels: int, shown: Array,
+    N: Array, x: Array,
+) -> float:  # fmt: skip
     """Least squares for x = (a, b, g, d, s) with normal matrix N; returns the variance of the residual.
 
-    A first solution without d and s gives the contrasts that the columns of d and s are scaled with.
+    A first solution without d and s gives the contrasts that the columns of d and s are scaled with. What a bound is
+    held against is the light of the solution before, at first none.
     """
     n, n_light = patch.shape[0], 2 * n_channels + 2
     n_all = n_light + 3
-    y, row = np.zeros(n_all), np.zeros(n_all)
+    y, row, light = np.zeros(n_all), np.zeros(n_all), np.zeros(n_light)
     total, count = 0.0, 0
-    x[:] = 0.0
     for stage in range(2):
         size = n_light if stage == 0 else n_all
         N[:], y[:] = 0.0, 0.0
         total, count = 0.0, 0
+        light[:] = x[:n_light]
         for i in range(n):
             for j in range(n):
                 value = patch[i, j]
@@ -282,6 +302,8 @@ def _fit(
                 row[:] = 0.0
                 row[c], row[n_channels + c] = 1.0, T
                 row[n_light - 2], row[n_light - 1] = (j - 0.5 * (n - 1)) / n * T, (i - 0.5 * (n - 1)) / n * T
+                if bound[i, j] and np.dot(row[:n_light], light) >= value:
+                    continue
                 if stage == 1:
                     b = x[n_channels + c]
                     row[n_light], row[n_light + 1] = -b * shown[1, i, j], -b * shown[2, i, j]
@@ -296,5 +318,6 @@ def _fit(
             N[p, p] += 1e-9 * N[p, p] + 1e-30
             for q in range(p):
                 N[q, p] = N[p, q]
+        x[:] = 0.0
         x[:size] = np.linalg.solve(N[:size, :size], y[:size])
     return float(max(total - np.dot(x, y), 0.0) / max(count - n_all, 1))

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.camera.board_detection import board_readings, detection_image
+from analysis.camera.board_detection import board_readings, detection_image, see_markers
 from analysis.camera.board_layout import BoardLayout
 from analysis.camera.view import View
 from instrument.session.records import Board
@@ -76,7 +76,7 @@ def see_boards(
     layout = BoardLayout.nominal(boards)
     image = detection_image(counts.astype(np.float32), bayer_pattern)
     found, at = [np.zeros((0, 2))], [np.zeros((0, 3))]
-    for index, readings in board_readings(image, boards):
+    for index, readings in board_readings(image, boards, see_markers(image, boards), {}):
         best = max(readings, key=lambda reading: len(reading.board_points))
         centre = 0.5 * boards[index].square_mm * np.array(boards[index].squares)
         found.append(best.image_points)

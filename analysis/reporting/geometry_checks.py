@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from analysis.calibration.session import Calibration
 from analysis.camera.board_findings import BoardFindings
 from analysis.camera.board_layout import rotation_from_vector
+from analysis.camera.board_statement import MOST, other_board
 from analysis.camera.calibration import MIN_VIEWS, CameraCalibration
 from analysis.reporting.checks import Check, Limits, Status, graded, rms, unknown
 from analysis.reporting.session_facts import SessionFacts
@@ -35,6 +36,8 @@ _WORST_TIMES, _HARMLESS_PX = 2.5, 0.05
 FLATNESS = Limits(0.1, 1.0, "at most 0.1 mm; FAIL above 1 mm")
 
 PLACE = Limits(0.5, np.inf, "at most 0.5 mm from where it was stated to lie")
+
+MARKERS = Limits(0.05, 1.0 - MOST, "at least 95 %; FAIL below 80 %")
 
 _SCALE, _SIGMAS = 0.003, 3.0
 
@@ -196,8 +199,10 @@ def _dropped(calibration: Calibration, n_complete: int) -> Check:
 
 
 def board_checks(boards: BoardFindings, stated: tuple[Board, ...]) -> Iterator[Check]:
-    """Yield pattern, scale, flatness and place of the boards."""
+    """Yield pattern, markers, scale, flatness and place of the boards."""
     yield _pattern(boards)
+    if any(boards.markers):
+        yield _markers(boards)
     if np.isfinite(boards.scale):
         yield _scale(boards, stated)
     worst = int(boards.out_of_plane.argmax())
@@ -216,6 +221,19 @@ def _pattern(boards: BoardFindings) -> Check:
     legacy = ", ".join(map(str, sorted(boards.legacy)))
     number = f"boards {legacy} have the pattern of OpenCV before 4.6" if legacy else "as OpenCV draws it since 4.6"
     return Check("pattern of the boards", Status.PASS, f"{number}; the pattern found is used", 0.0, "told", "")
+
+
+def _markers(boards: BoardFindings) -> Check:
+    told = [(evidence.share, k, evidence) for k, evidence in enumerate(boards.markers) if evidence is not None]
+    share, worst, evidence = min(told, key=lambda item: item[:2])
+    other = other_board(evidence) or "no other size of the board explains them"
+    return graded(
+        "markers of the boards",
+        1.0 - share,
+        MARKERS,
+        f"board {worst}: {evidence.n_explained} of {evidence.n_seen} lie where the stated board has them",
+        f"{other}: compare squares, first_id and dictionary with the print, and state what it is",
+    )
 
 
 def _scale(boards: BoardFindings, stated: tuple[Board, ...]) -> Check:

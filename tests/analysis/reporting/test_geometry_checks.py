@@ -9,6 +9,7 @@ import pytest
 
 from analysis.camera.board_findings import BoardFindings
 from analysis.camera.board_layout import rotation_from_vector
+from analysis.camera.board_statement import MarkerEvidence
 from analysis.camera.calibration import CameraCalibration, CornerOutlier
 from analysis.reporting.checks import Status
 from analysis.reporting.geometry_checks import (
@@ -39,6 +40,18 @@ def with_residuals(residuals: tuple[np.ndarray, ...]) -> CameraCalibration:
 def test_a_good_calibration_passes_every_check() -> None:
     checks = list(geometry_checks(calibration(), facts()))
     assert {c.status for c in checks} == {Status.PASS}
+
+
+@pytest.mark.parametrize(("n_explained", "status"), [(100, Status.PASS), (90, Status.WARN), (70, Status.FAIL)])
+def test_a_board_whose_markers_are_elsewhere_warns_and_then_fails(n_explained: int, status: Status) -> None:
+    """With what would fit, where that is known."""
+    fits = replace(BOARDS[0], squares=(9, 5)) if status is Status.FAIL else None
+    markers = (MarkerEvidence(100, 100, None), MarkerEvidence(100, n_explained, fits), None)
+    (found,) = (c for c in board_checks(findings(markers=markers), BOARDS) if c.name == "markers of the boards")
+    assert found.status is status
+    if fits is not None:
+        assert "board 1: 70 of 100" in found.number
+        assert "squares = [9, 5]" in found.remedy
 
 
 def test_without_boards_there_is_nothing_to_judge() -> None:
