@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 
@@ -20,10 +19,12 @@ def console(rig: Path, faults: Path | None) -> None:
 
     Closing it, Ctrl-C and killing it leave the light off; `halfangle resume` goes on with a capture that it ended.
     """
+    from gui.display import display_problem
     from instrument.config.loading import load_rig
 
     config, devices = load_rig(rig), devices_with(faults)
-    _refuse_without_display()
+    if problem := display_problem():
+        raise click.ClickException(f"{problem}.")
     try:
         from gui.console import run
     except ImportError as error:
@@ -32,13 +33,3 @@ def console(rig: Path, faults: Path | None) -> None:
             "and on Linux the system libraries that scripts/setup.sh names: `make setup` brings both."
         ) from None
     sys.exit(run(config, devices))
-
-
-def _refuse_without_display() -> None:
-    # Qt itself would end the process by a signal, with a page of text.
-    named = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
-    if sys.platform == "linux" and not any(map(os.environ.get, named)):
-        raise click.ClickException(
-            "there is no display for the window (neither DISPLAY nor WAYLAND_DISPLAY is set). Start it at a "
-            "desktop, or use halfangle capture, which needs none."
-        )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import isclose
 
 from drivers.errors import DeviceError
 from drivers.grbl.settings import GrblAxis, GrblSettings
@@ -84,6 +85,8 @@ class Firmware:
         """Yield how fast each axis may go, in degrees or millimetres."""
         for axis in axes:
             unit = axis.describe().soft_limits.unit
+            steps = self.values[_STEPS + axis.i_letter] * abs(axis.scale)
+            yield Setting(f"steps of axis {axis.name}", steps, f"1/{unit}")
             yield Setting(f"speed of axis {axis.name}", self.max_rate(axis) / abs(axis.scale), f"{unit}/s")
             yield Setting(f"acceleration of axis {axis.name}", self.acceleration(axis) / abs(axis.scale), f"{unit}/s^2")
 
@@ -133,6 +136,12 @@ class Firmware:
         if bad:
             yield f"axis {axis.name}: {_dollars(bad)} must be above 0"
             return
+        steps, stated = self.values[numbers[0]], axis.steps_per_unit
+        if stated is not None and not isclose(stated, steps, rel_tol=1e-3):
+            yield (
+                f"axis {axis.name}: ${numbers[0]} is {steps:g}, rig.toml has {stated:g} as steps_per_unit; if the "
+                f"controller has lost its settings, set ${numbers[0]}={stated:g} and look at all others too"
+            )
         # Half a step, and half of the last decimal of a report.
         finest = (0.5 / self.values[_STEPS + axis.i_letter] + 0.0005) / abs(axis.scale)
         if axis.tolerance < finest:

@@ -22,6 +22,12 @@ class GrblAxis(AxisSettings):
         description="units of the firmware (its mm) per degree or millimetre; negative turns the sense round",
     )
 
+    steps_per_unit: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="$100 and its like of the firmware, to find out when it has lost its settings; none: not compared",
+    )
+
     @property
     def i_letter(self) -> int:
         """Where the axis stands in the reports and settings of the firmware."""

@@ -27,7 +27,7 @@ class LineDialogue:
     def __init__(self, port: SerialPort, answer_time: float) -> None:
         self._port, self._answer_time = port, answer_time
         # Nobody knows what was said before the port was opened.
-        self._in_step = False
+        self._in_step = self._has_answered = False
 
     def ask(self, line: str) -> str:
         """Return the answer to a line, without its end.
@@ -41,7 +41,7 @@ class LineDialogue:
         self._port.write(line.encode("ascii") + b"\n")
         self._in_step = False
         answer = self._line(line)
-        self._in_step = True
+        self._in_step = self._has_answered = True
         return answer
 
     def lose_step(self) -> None:
@@ -58,7 +58,8 @@ class LineDialogue:
     def _line(self, question: str) -> str:
         deadline = time.monotonic() + self._answer_time
         received = b""
-        while not received.endswith(b"\n"):
+        # An empty line is no answer: some firmware ends each of its own with one more.
+        while not (received.endswith(b"\n") and received.strip()):
             # Looked at once more when its time is over: what a busy computer finds waiting came in time.
             late, arrived = time.monotonic() > deadline, self._port.read()
             received += arrived
@@ -70,7 +71,8 @@ class LineDialogue:
 
     def _silence(self, question: str, received: bytes) -> str:
         came = f"only {received!r} came" if received else "nothing came"
+        booting = "" if self._has_answered else "; a board that boots when its port is opened needs boot_time_s"
         return (
             f"{self._port.name} did not answer {question!r} within {self._answer_time:g} s: {came}. "
-            "Look at the power, the baud rate, and whether it is the right port"
+            f"Look at the power, the baud rate, and whether it is the right port{booting}"
         )

@@ -18,6 +18,8 @@ from drivers.serial_light.dialogue import QUIET_TIME, LineDialogue
 from drivers.serial_light.settings import SerialLightSettings
 from drivers.serial_link.port import SerialPort, usb_serial_number
 
+_TINY, _MOST_ROUNDING = 1e-9, 0.005  # of levels; an answer in whole percent is coarse enough
+
 
 class SerialLight(LedLight):
     """A LED driver that answers each line with a line; shines until it is told to stop.
@@ -66,28 +68,34 @@ class SerialLight(LedLight):
             return self.off()
         self._command(self._settings.level_line(level))
         self._command(self._settings.on_command)
-        state = self._state()
-        allowed = self._settings.level_tolerance / self._settings.full_level
-        if state.lit and not math.isclose(state.level, level, rel_tol=0.0, abs_tol=allowed):
+        state, step = self._state_and_step()
+        sent = self._settings.sent_level(level)
+        rounding = min(0.5 * step, _MOST_ROUNDING * self._settings.full_level)
+        allowed = (self._settings.level_tolerance + rounding) / self._settings.full_level
+        if state.lit and not math.isclose(state.level, sent, rel_tol=0.0, abs_tol=allowed + _TINY):
             raise DeviceError(
-                f"the light at {self._settings.port} was set to level {level:g} and reads back {state.level:g}; "
+                f"the light at {self._settings.port} was set to level {sent:g} and reads back {state.level:g}; "
                 f"allowed is a difference of {allowed:g}. Look at full_level in the rig file's [light.device]"
             )
         return state
 
     def _state(self) -> LightState:
+        return self._state_and_step()[0]
+
+    def _state_and_step(self) -> tuple[LightState, float]:
+        """Return the state, and one step of the last digit that the answer has, counted like `full_level`."""
         question, expected = self._settings.state_command, self._settings.state
         answer = self._ask(question)
         match = re.fullmatch(expected, answer)
         if match is None:
             raise self._senseless(question, answer, f"a line that matches {expected}")
         if match["lit"] is None:
-            return DARK
+            return DARK, 0.0
         try:
             level = float(match["level"]) / self._settings.full_level
         except ValueError:
             raise self._senseless(question, answer, "a number for the level") from None
-        return LightState(True, level, math.nan, math.nan)
+        return LightState(True, level, math.nan, math.nan), 10.0 ** -len(match["level"].partition(".")[2])
 
     def _command(self, line: str) -> None:
         answer = self._ask(line)
@@ -106,9 +114,10 @@ class SerialLight(LedLight):
     def _senseless(self, line: str, answer: str, expected: str) -> DeviceError:
         if self._dialogue is not None:
             self._dialogue.lose_step()
+        echo = "It sends back what it is told: switch its echo off. " if answer.startswith(line) else ""
         return DeviceError(
             f"the light at {self._settings.port} answers {line!r} with {answer!r}; expected was {expected}. "
-            "Look at the words in the rig file's [light.device]"
+            f"{echo}Look at the words in the rig file's [light.device]"
         )
 
     def _close(self) -> None:

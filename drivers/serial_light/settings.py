@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import string
 from typing import Annotated
 
 from pydantic import Field, model_validator
@@ -27,14 +28,16 @@ class SerialLightSettings(DeviceSettings):
     baud_rate: int = Field(default=115200, ge=300, le=4_000_000, description="from the driver's manual")
     full_level: float = Field(default=100.0, gt=0.0, description="the number that stands for level 1, e.g. 255")
     level_tolerance: float = Field(
-        default=0.05, ge=0.0, description="largest difference of a level read back, counted like full_level"
+        default=0.05,
+        ge=0.0,
+        description="largest difference of a level read back beyond its own rounding, like full_level",
     )
     identify_command: str = Field(default="ID?", description="a line without its end")
     level_command: str = Field(default="LEVEL {level:.2f}", description="with {level}, which takes a format")
     on_command: str = Field(default="ON", description="a line without its end")
     off_command: str = Field(default="OFF", description="a line without its end")
     state_command: str = Field(default="STATE?", description="a line without its end")
-    done: str = Field(default="OK", description="the answer to a command that was obeyed")
+    done: Text = Field(default="OK", description="the answer to a command that was obeyed")
     state: str = Field(
         default=r"(?:(?P<lit>ON)|OFF) (?P<level>\d+(?:\.\d+)?)",
         description="regular expression of the answer to state_command: its group lit matches only when the light "
@@ -59,6 +62,15 @@ class SerialLightSettings(DeviceSettings):
     def level_line(self, level: float) -> str:
         """Return the command for a level of 0 to 1."""
         return self.level_command.format(level=level * self.full_level)
+
+    def sent_level(self, level: float) -> float:
+        """Return the level that the command says, after the rounding of its format."""
+        parts = string.Formatter().parse(self.level_command)
+        spec = next(spec for _, name, spec, _ in parts if name is not None)
+        try:
+            return float(format(level * self.full_level, spec or "")) / self.full_level
+        except ValueError:  # a format of words that are no number, such as 1e+02% of {level:.0%}
+            return level
 
     def _unspeakable(self) -> list[str]:
         words = {name: getattr(self, name) for name in _COMMANDS}

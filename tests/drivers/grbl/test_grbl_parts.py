@@ -3,10 +3,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.axes.motion import AxisMotion, duration
-from drivers.errors import UnsafeError
+from drivers.errors import DeviceError, UnsafeError
 from drivers.grbl.codes import ALARMS, ERRORS, alarm, bad_state, refusal
 from drivers.grbl.firmware import Firmware
 from drivers.grbl.report import machine_position, parse_report
+from drivers.grbl.settings import GrblSettings
 from tests.drivers.grbl.grbl_machine import GrblMachine
 from tests.drivers.grbl.grbl_stages import TILT, TURN
 
@@ -118,3 +119,16 @@ def test_build_and_label_are_told_apart():
     firmware = Firmware.from_lines(["$13=0", "$110=500.000", "ok"], ["[VER:1.1h.20190830:bench 7]", "[OPT:VZ,15,128]"])
     assert firmware.values == {13: 0.0, 110: 500.0}
     assert (firmware.build, firmware.label, firmware.options) == ("1.1h.20190830", "bench 7", "VZ")
+
+
+def test_a_controller_that_lost_its_settings_is_found_by_its_steps():
+    values = dict.fromkeys((*range(100, 103), *range(110, 113), *range(120, 123), *range(130, 133)), 500.0)
+    values |= {13: 0.0, 20: 0.0, 22: 1.0, 24: 25.0, 25: 500.0, 27: 1.0}
+    axis = TILT.model_copy(update={"steps_per_unit": 88.889})
+    stage = GrblSettings(port="/dev/x", axes=(axis,))
+    right = Firmware(values | {100 + axis.i_letter: 88.889}, "1.1h", "", "V")
+    right.check(stage)
+    lost = Firmware(values | {100 + axis.i_letter: 250.0}, "1.1h", "", "V")
+    with pytest.raises(DeviceError, match=rf"\${100 + axis.i_letter} is 250, rig.toml has 88.889 as steps_per_unit"):
+        lost.check(stage)
+    assert f"steps of axis {axis.name}" in {setting.name for setting in right.read_back((axis,))}

@@ -170,6 +170,50 @@ def test_a_level_that_does_not_hold_is_found_by_its_read_back_and_darkened(
     assert not double.lit
 
 
+@pytest.mark.parametrize("level", [0.1, 0.3, 0.5, 0.7, 0.9])
+def test_a_level_that_a_driver_of_eight_bits_rounds_holds(double: SerialLightDouble, level: float) -> None:
+    """Sent as whole numbers, read back as whole numbers, and no tolerance stated."""
+    sent = f"{255 * level:.0f}"
+    double.instead |= {f"L{sent}": b"OK\r\n", "STATE?": b"OFF 0\r\n"}
+    light = SerialLight(settings(double, level_command="L{level:.0f}", full_level=255.0))
+    light.connect()
+    double.instead["STATE?"] = f"ON {sent}\r\n".encode()
+    assert light.on(level, 1.0).level == pytest.approx(level, abs=0.5 / 255)
+    double.instead["STATE?"] = f"ON {int(sent) + 2}\r\n".encode()
+    with pytest.raises(DeviceError, match="reads back"):
+        light.on(level, 1.0)
+    light._forget()
+
+
+def test_an_answer_too_coarse_to_tell_a_level_tells_none(double: SerialLightDouble) -> None:
+    double.instead |= {"LEVEL 0.70": b"OK\r\n", "STATE?": b"OFF 0\r\n"}
+    light = SerialLight(settings(double, full_level=1.0, level_tolerance=0.01))
+    light.connect()
+    double.instead["STATE?"] = b"ON 1\r\n"
+    with pytest.raises(DeviceError, match=r"set to level 0\.7 and reads back 1"):
+        light.on(0.7, 1.0)
+    light._forget()
+
+
+def test_an_empty_line_beside_an_answer_is_none(double: SerialLightDouble, light: SerialLight) -> None:
+    double.instead |= {"ID?": b"\r\nblinker 3\r\n\r\n", "OFF": b"\n\nOK\n\n"}
+    light.connect()
+    assert light.describe().model == "blinker 3"
+    assert light.on(0.5, 1.0).level == 0.5
+
+
+def test_a_board_that_still_boots_is_told_how_long_to_wait(double: SerialLightDouble, light: SerialLight) -> None:
+    double.mute = True
+    with pytest.raises(DeviceTimeoutError, match="boots when its port is opened needs boot_time_s"):
+        light.connect()
+
+
+def test_a_light_that_echoes_is_told_apart(double: SerialLightDouble, light: SerialLight) -> None:
+    double.instead["OFF"] = b"OFF\r\nOK\r\n"
+    with pytest.raises(DeviceError, match="switch its echo off"):
+        light.connect()
+
+
 def test_a_light_that_does_not_go_off_is_said_to_be_lit(double: SerialLightDouble, light: SerialLight) -> None:
     light.connect()
     light.on(1.0, 10.0)

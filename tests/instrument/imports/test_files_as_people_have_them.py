@@ -24,6 +24,7 @@ from instrument.imports.template import capture_template
 from instrument.pictures.exif import read_shot
 from instrument.pictures.picture import UnreadablePictureError
 from instrument.pictures.reading import is_picture, read_picture
+from instrument.session.session import Session
 from protocols.planning.python_protocol import MAX_POSES, load_python_protocol
 from tests.instrument.imports.folders import H, W, mosaic, write_dng
 from tests.synthetic import make_stack
@@ -159,6 +160,20 @@ def test_a_decimal_comma_in_toml_is_named(tmp_path: Path) -> None:
     (tmp_path / CAPTURE_FILE).write_text('name = "x"\n[light]\noffset_sigma_mm = 3,0\n')
     with pytest.raises(InvalidInputError, match=r"capture.toml:3: .*a decimal comma\? TOML has the decimal point"):
         prepare_import(tmp_path, tmp_path / CAPTURE_FILE)
+
+
+def test_letters_of_any_language_go_out_with_an_export_and_come_back(tmp_path: Path) -> None:
+    folder = tmp_path / "leaf"
+    folder.mkdir()
+    write_dng(folder / "a.dng", mosaic(0), 0.01)
+    words = 'name = "t"\nsample = "leaf 🍂"\nlinear = true\n[camera]\nmake = "Größe"\nserial_number = "Ä1"\n'
+    (folder / CAPTURE_FILE).write_text(words, encoding="utf-8")
+    assert exit_code("import", folder, "-o", tmp_path / "a.h5") == 0
+    assert exit_code("session", "export", tmp_path / "a.h5", "-o", tmp_path / "out") == 0
+    assert exit_code("import", tmp_path / "out", "-o", tmp_path / "b.h5") == 0
+    for name in ("a.h5", "b.h5"):
+        with Session(tmp_path / name) as session:
+            assert (session.sample, session.camera.make, session.camera.serial_number) == ("leaf 🍂", "Größe", "Ä1")
 
 
 PROTOCOL = 'name = "p"\nbracket = {"exposure_times_s": [0.01], "darks": 0}\n'
