@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from drivers.errors import CancelledError, DeviceError
+from drivers.errors import CancelledError, DeviceError, NotSafeError
 from instrument.files.validation import LINE_BREAK, InvalidInputError, printable
 
 # name -> (module:command, help line). The help lines stand here so that `--help` imports no command.
@@ -34,7 +34,10 @@ COMMANDS = {
     "console": ("cli.console:console", "The operator's window."),
 }
 
-EPILOG = "Example: halfangle demo -o out. Exit codes: 0 fine, 1 failed, 2 usage or bad input, 3 finished with warnings."
+EPILOG = (
+    "Example: halfangle demo -o out. "
+    "Exit codes: 0 fine, 1 failed, 2 usage or bad input, 3 finished with warnings, 4 rig not safe."
+)
 
 
 class LazyGroup(click.Group):
@@ -74,7 +77,7 @@ def main(arguments: list[str] | None = None) -> Any:
         sys.exit(2)
     except (DeviceError, CancelledError, OSError) as error:
         click.echo(f"halfangle: {printable(str(error), keep=LINE_BREAK)}", err=True)
-        _leave(1, n_abandoned)
+        _leave(4 if isinstance(error, NotSafeError) else 1, n_abandoned)
 
 
 def _n_abandoned() -> int:

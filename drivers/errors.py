@@ -17,6 +17,10 @@ class UnsafeError(DeviceError):
     """Trying again would not help and might do harm: somebody has to look at the rig."""
 
 
+class NotSafeError(DeviceError):
+    """Something ended, and the light is not known to be off or the stage to stand: somebody has to look at the rig."""
+
+
 class CancelledError(Exception):
     """A wait was called off by whoever runs the rig; no device failed."""
 

@@ -25,7 +25,11 @@ from drivers.registry import open_lone_light
 _RETRY, _LONGEST_DARKENING = 0.2, 60.0
 
 
-def supervise(light: Light, requests: int, replies: int) -> None:
+NOT_KNOWN_DARK = 3
+"""Exit code of the process where the light is gone, or does not go off."""
+
+
+def supervise(light: Light, requests: int, replies: int) -> int:
     """Serve one light until the input ends; leave it dark.
 
     Parameters
@@ -34,6 +38,11 @@ def supervise(light: Light, requests: int, replies: int) -> None:
         Not yet connected.
     requests, replies : int
         File descriptors.
+
+    Returns
+    -------
+    int
+        Exit code of the process: 0 if the light is known to be dark, else `NOT_KNOWN_DARK`.
     """
     # A Ctrl-C goes to every process of a terminal; whether the light goes off is the parent's to say.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -41,10 +50,11 @@ def supervise(light: Light, requests: int, replies: int) -> None:
     try:
         supervisor.serve(requests, replies)
     finally:
-        supervisor.darken()
+        is_dark = supervisor.darken()
         # Nobody is left to hear that it failed, and all that can be done was done.
         with suppress(DeviceError):
             light.disconnect()
+    return 0 if is_dark else NOT_KNOWN_DARK
 
 
 class _Supervisor:
@@ -74,21 +84,21 @@ class _Supervisor:
             for line in lines:
                 os.write(replies, json.dumps(self._answer(json.loads(line))).encode() + b"\n")
 
-    def darken(self) -> None:
-        """Switch off until the light confirms it, or for as long as makes sense."""
+    def darken(self) -> bool:
+        """Switch off until the light confirms it, or for as long as makes sense; return whether it did."""
         self._lease_end = None
         end = time.monotonic() + _LONGEST_DARKENING
-        while time.monotonic() < end and not self._is_done():
+        while time.monotonic() < end:
+            try:
+                if not self._light.off().lit:
+                    return True
+            except DeviceLostError:
+                # What is gone hears nothing more; its driver leaves it dark when it is connected again.
+                return False
+            except DeviceError:
+                pass
             time.sleep(_RETRY)
-
-    def _is_done(self) -> bool:
-        try:
-            return not self._light.off().lit
-        except DeviceLostError:
-            # What is gone hears nothing more; its driver leaves it dark when it is connected again.
-            return True
-        except DeviceError:
-            return False
+        return False
 
     def _seconds_left(self) -> float | None:
         return None if self._lease_end is None else max(0.0, self._lease_end - time.monotonic())
@@ -123,4 +133,4 @@ def _known_name(error: DeviceError) -> str:
 
 
 if __name__ == "__main__":
-    supervise(open_lone_light(json.loads(sys.argv[1])), sys.stdin.fileno(), sys.stdout.fileno())
+    sys.exit(supervise(open_lone_light(json.loads(sys.argv[1])), sys.stdin.fileno(), sys.stdout.fileno()))

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+import time
 from abc import ABC, abstractmethod
 from contextlib import suppress
 
-from drivers.errors import DeviceError, UnsafeError
+from drivers.errors import DeviceError, DeviceLostError, UnsafeError
 from drivers.lease import check_lease, check_level
 from drivers.light import LightDescription, LightState
+
+MAY_SHINE = "It does not answer and may still shine: switch it off by hand"
+
+_MARGIN = 1.0  # seconds that a lease of the device's own may end later than its number says
 
 DARK = LightState(lit=False, level=0.0, monitor=math.nan, temperature=math.nan)
 
@@ -22,8 +27,12 @@ class LedLight(ABC):
         Longest time that it may shine without being told again, seconds.
     """
 
+    _ends_by_itself = False
+    """Whether the device ends its lease without being told, whatever becomes of the computer and the cable."""
+
     def __init__(self, longest_lease: float) -> None:
         self._longest_lease = longest_lease
+        self._may_shine_until = -math.inf
         self._description: LightDescription | None = None
 
     def connect(self) -> None:
@@ -81,11 +90,33 @@ class LedLight(ABC):
             raise
 
     def off(self) -> LightState:
-        """Go dark and confirm it by read-back; safe to call at any time."""
+        """Go dark and confirm it by read-back; safe to call at any time.
+
+        Raises
+        ------
+        DeviceLostError
+            If the device is gone and was not dark when it was last heard. Gone is not dark.
+        """
         if self._description is None:
-            return DARK
-        self._switch_off()
-        return self._state()
+            return self._dark_if_known(None)
+        try:
+            self._switch_off()
+            state = self._state()
+        except DeviceLostError as error:
+            return self._dark_if_known(error)
+        if not state.lit:
+            self._may_shine_until = -math.inf
+        return state
+
+    def _will_shine(self, max_seconds: float) -> None:
+        """Note that it may shine from now on: called before the command, which may be obeyed and not answered."""
+        self._may_shine_until = time.monotonic() + max_seconds + _MARGIN if self._ends_by_itself else math.inf
+
+    def _dark_if_known(self, error: DeviceLostError | None) -> LightState:
+        """Return that it is dark, where it was so when it was last heard and nobody has told it to shine since."""
+        if time.monotonic() < self._may_shine_until:
+            raise DeviceLostError(f"{error or 'the light is gone'}. {MAY_SHINE}") from error
+        return DARK
 
     def read(self) -> LightState:
         """Return the state as the device reports it."""
@@ -124,7 +155,7 @@ class LedLight(ABC):
 
     @abstractmethod
     def _shine(self, level: float, max_seconds: float) -> LightState:
-        """Shine, and return the state that the device reports."""
+        """Shine, and return the state that the device reports; call `_will_shine` before the command that lights it."""
 
     @abstractmethod
     def _switch_off(self) -> None:

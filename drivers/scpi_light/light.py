@@ -53,6 +53,8 @@ class ScpiLight(LedLight):
         None = libusb.
     """
 
+    _ends_by_itself = True
+
     def __init__(self, settings: ScpiLightSettings, serial_number: str = "", backend: Any = None) -> None:
         super().__init__(settings.longest_lease_s)
         self._settings = settings
@@ -98,6 +100,7 @@ class ScpiLight(LedLight):
             return self._state()
         self._check_protections()
         self._set_pulses(level, max_seconds)
+        self._will_shine(max_seconds)
         self._dialogue.command("OUTPUT1:STATE ON")
         self._dialogue.check_errors("to switch on")
         state = self._state()

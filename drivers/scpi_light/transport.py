@@ -29,7 +29,7 @@ _SUCCESS, _PENDING = 1, 2
 _CLASS_REQUEST_IN = 0xA1
 _CLEAR_PAUSE = 0.02
 # No answer of a LED controller is longer.
-_ANSWER_SIZE = 4096
+_ANSWER_SIZE, _LONGEST_ANSWER = 4096, 65_536
 
 Result = TypeVar("Result")
 
@@ -125,7 +125,10 @@ class UsbTmc:
 
     def _receive(self, interface: ClaimedInterface) -> bytes:
         answer, ends = b"", False
+        deadline = time.monotonic() + self._answer_time
         while not ends:
+            if time.monotonic() > deadline or len(answer) > _LONGEST_ANSWER:
+                raise DeviceTimeoutError(f"{self._name} answers without an end. Switch it off and on")
             tag = self._next_tag()
             self._send(interface, request_in(tag, _ANSWER_SIZE))
             transfer = interface.bulk_in.read(HEADER_SIZE + _ANSWER_SIZE, self._milliseconds).tobytes()

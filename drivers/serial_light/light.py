@@ -67,6 +67,7 @@ class SerialLight(LedLight):
         if level == 0.0:
             return self.off()
         self._command(self._settings.level_line(level))
+        self._will_shine(max_seconds)
         self._command(self._settings.on_command)
         state, step = self._state_and_step()
         sent = self._settings.sent_level(level)

@@ -30,6 +30,7 @@ _STYLES = {
 SIGNS = {state: LightSign.ON if state in (State.RUNNING, State.WARMUP) else LightSign.OFF for state in State} | {
     State.PREFLIGHT: LightSign.UNKNOWN,
     State.FINISHING: LightSign.UNKNOWN,
+    State.NOT_SAFE: LightSign.UNKNOWN,
 }
 
 

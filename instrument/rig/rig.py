@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import signal
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from threading import Event
@@ -13,15 +13,19 @@ from typing import Any
 
 from drivers.camera import Camera
 from drivers.clock import Clock, RealClock, sleep_unless
-from drivers.errors import CancelledError, DeviceError, UnsafeError
+from drivers.errors import CancelledError, DeviceError, NotSafeError, UnsafeError
 from drivers.light import Light
 from drivers.registry import Devices, open_devices
 from drivers.stage import Stage
 from instrument.config.rig import RigConfig
+from instrument.files.validation import InvalidInputError
 from instrument.rig.bounded import BoundedCamera, BoundedLight, BoundedStage, Note
 from instrument.rig.lock import hold
 
 _log = logging.getLogger(__name__)
+
+_TOLD_IN_WORDS = (DeviceError, CancelledError, OSError, InvalidInputError, KeyboardInterrupt)
+"""Errors of which a user sees the message and no more."""
 
 OpenDevices = Callable[[Mapping[str, Any]], Devices]
 
@@ -245,13 +249,21 @@ class Rig:
         try:
             yield
         except BaseException as error:
-            # What went wrong first is the message; what safe() met is added to it.
-            for failure in self.safe():
-                error.add_note(failure)
+            failures = self.safe()
+            if failures and isinstance(error, _TOLD_IN_WORDS) and not isinstance(error, NotSafeError):
+                raise NotSafeError(f"{error or 'interrupted'}. {not_safe(failures)}") from error
+            # A traceback shows notes.
+            for failure in failures:
+                error.add_note(not_safe([failure]))
             raise
         failures = self.safe()
         if failures:
-            raise DeviceError(f"the rig could not be made safe: {'; '.join(failures)}")
+            raise NotSafeError(not_safe(failures))
+
+
+def not_safe(failures: Sequence[str]) -> str:
+    """Say what could not be made safe, for whoever has to look at the rig."""
+    return f"NOT SAFE: {'; '.join(failures)}"
 
 
 def _joined(failures: Mapping[str, DeviceError]) -> DeviceError:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from drivers.errors import CancelledError, DeviceError, DeviceLostError, DeviceTimeoutError
+from drivers.errors import CancelledError, DeviceError, DeviceLostError, DeviceTimeoutError, NotSafeError
 from instrument.recording.recorder import Recorder
 from instrument.rig.bounded import within
-from instrument.rig.rig import Rig
+from instrument.rig.rig import Rig, not_safe
 from instrument.session.audit import AuditLog
 from instrument.session.layout import Status
-from protocols.capture.errors import CaptureFaultError, PausedError
+from protocols.capture.errors import CaptureFaultError, NotSafeCaptureError, PausedError
 from protocols.capture.pose_writer import PoseWriter
 from protocols.capture.progress import Finish
 
@@ -64,7 +64,7 @@ class Ending:
         """
         failures = self._rig.safe()
         if failures:
-            raise DeviceError("; ".join(failures))
+            raise NotSafeError(not_safe(failures))
         self._writer.finish()
         self._close(Finish.COMPLETE, Status.COMPLETE, "")
 
@@ -87,6 +87,8 @@ class Ending:
 
     def fault(self, error: BaseException) -> BaseException:
         """Return the error to raise, with how to go on."""
+        if self._unsafe:
+            return NotSafeCaptureError(self.message(str(error) or "interrupted"))
         if isinstance(error, OSError) and not isinstance(error, DeviceError):
             return OSError(error.errno, self.message(error.strerror or str(error)))
         if isinstance(error, DeviceError | CancelledError | PausedError | KeyboardInterrupt):
@@ -109,7 +111,7 @@ class Ending:
 
     @property
     def _how_to_go_on(self) -> str:
-        rig = f"NOT SAFE: {'; '.join(self._unsafe)}" if self._unsafe else "The light is off"
+        rig = not_safe(self._unsafe) if self._unsafe else "The light is off"
         return (
             f"{rig}; {self.n_complete} of {self._n_poses} poses are safe in {self._path}."
             f"{self._unclosed} "

@@ -29,6 +29,7 @@ class State(Enum):
     FINISHING = "writing the end of the session"
     SAFE = "the light is off, stage and camera are stopped"
     FAULT = "stopped by a fault; the light is off"
+    NOT_SAFE = "stopped; the light may shine or the stage may move: look at the rig"
 
 
 class Finish(Enum):

@@ -269,7 +269,7 @@ class Run:
         """Return how the run ended after `error`, or raise if that is a fault."""
         finish = self._ending.after(error)
         if self._ending.is_unsafe or finish is Finish.FAULT:
-            self._report(State.FAULT, str(error))
+            self._report(State.NOT_SAFE if self._ending.is_unsafe else State.FAULT, str(error))
             fault = self._ending.fault(error)
             raise fault from (None if fault is error else error)
         state = State.PAUSED if finish is Finish.PAUSED else State.SAFE

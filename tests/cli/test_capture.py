@@ -145,3 +145,16 @@ def test_the_progress_bar_shows_the_step_on_a_terminal() -> None:
     with progress_bar("capture", console=console) as step:
         step(1, "pose 2 of 2", 2)
     assert re.search(r"capture .*1/2 .*pose 2 of 2", console.export_text())
+
+
+def test_a_rig_that_is_not_known_to_be_dark_has_an_exit_code_of_its_own(
+    files: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is no ordinary failure: somebody has to look at the rig."""
+    (tmp_path / "faults.toml").write_text(
+        '[[faults]]\ndevice = "light"\ncall = "off"\nat = 4\neffect = "stays_on"\nrepeats = 1000\n'
+    )
+    with pytest.raises(SystemExit) as ended:
+        main(["capture", *files, "-o", str(tmp_path / "s.h5"), "--faults", str(tmp_path / "faults.toml")])
+    assert ended.value.code == 4
+    assert "NOT SAFE: light off failed" in capsys.readouterr().err

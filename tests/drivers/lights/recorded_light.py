@@ -37,4 +37,4 @@ def lone_world() -> Any:
 
 
 if __name__ == "__main__":
-    supervise(RecordedLight(lone_world()), sys.stdin.fileno(), sys.stdout.fileno())
+    sys.exit(supervise(RecordedLight(lone_world()), sys.stdin.fileno(), sys.stdout.fileno()))

@@ -13,4 +13,4 @@ if __name__ == "__main__":
     for flag in sys.argv[1:]:
         setattr(controller, flag, True)
     light = ScpiLight(ScpiLightSettings(max_current_a=1.0), "", UsbBus(UsbTmcDevice(controller)))
-    supervise(light, sys.stdin.fileno(), sys.stdout.fileno())
+    sys.exit(supervise(light, sys.stdin.fileno(), sys.stdout.fileno()))

@@ -8,4 +8,4 @@ from drivers.serial_light.settings import SerialLightSettings
 
 if __name__ == "__main__":
     light = SerialLight(SerialLightSettings(port=sys.argv[1], identity="blinker", answer_time_s=1.0))
-    supervise(light, sys.stdin.fileno(), sys.stdout.fileno())
+    sys.exit(supervise(light, sys.stdin.fileno(), sys.stdout.fileno()))

@@ -1,8 +1,13 @@
 """A LED controller on a USB bus that fails in every way that a bus does."""
 
 import errno
+import struct
 import sys
+import time
+from array import array
 from contextlib import suppress
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import usb.core
@@ -17,7 +22,8 @@ from drivers.errors import (
 )
 from drivers.limits import Limits
 from drivers.scpi_light.light import ScpiLight
-from drivers.scpi_light.settings import ScpiLightSettings
+from drivers.scpi_light.settings import ScpiLightSettings, UsbAddress
+from drivers.scpi_light.transport import UsbTmc
 from drivers.scpi_light.usb_errors import UDEV_RULES
 from drivers.simulated.clock import VirtualClock
 from drivers.supervised_light import SupervisedLight
@@ -299,17 +305,56 @@ def test_a_controller_that_was_unplugged_is_lost_and_may_be_connected_again(
 ) -> None:
     light.connect()
     device.plugged_in = False
-    for act in (light.read, lambda: light.on(0.5, 1.0), light.off):
+    for act in (light.read, lambda: light.on(0.5, 1.0)):
         with pytest.raises(DeviceLostError, match=r"Look at its cable|Connect it again"):
             act()
         assert device.n_open == 0
+    assert not light.off().lit  # it was dark, and nothing has reached it since
     device.plugged_in = True
     light.connect()
     assert light.on(0.5, 1.0).lit
     device.plugged_in = False
-    with pytest.raises(DeviceLostError):
-        light.disconnect()
+    for _ in range(2):
+        with pytest.raises(DeviceLostError, match="may still shine: switch it off by hand"):
+            light.disconnect()
+
+
+def test_a_controller_that_was_unplugged_is_known_to_be_dark_when_its_pulse_has_ended(
+    device: UsbTmcDevice, light: ScpiLight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    light.connect()
+    light.on(0.5, 1.0)
+    device.plugged_in = False
+    now = time.monotonic()
+    with pytest.raises(DeviceLostError, match="may still shine"):
+        light.off()
+    monkeypatch.setattr("drivers.lights.led_light.time.monotonic", lambda: now + 3.0)
+    assert not light.off().lit
+
+
+def test_a_controller_that_was_dark_when_it_was_unplugged_is_known_to_be_dark(
+    device: UsbTmcDevice, light: ScpiLight
+) -> None:
+    light.connect()
+    light.on(0.5, 1.0)
+    light.off()
+    device.plugged_in = False
+    assert not light.off().lit
     light.disconnect()
+
+
+def test_an_answer_whose_end_never_comes_is_given_up() -> None:
+    transport = UsbTmc(UsbAddress(0x1313, 0x80C8, ""), 0.05)
+    told: list[bytes] = []
+
+    def part(size: int, timeout: int) -> Any:
+        tag = told[-1][1]
+        return array("B", struct.pack("<BBBxIB3x4s", 2, tag, tag ^ 0xFF, 4, 0, b"more"))
+
+    bus = SimpleNamespace(bulk_out=SimpleNamespace(write=lambda data, ms: told.append(data)))
+    bus.bulk_in = SimpleNamespace(read=part)
+    with pytest.raises(DeviceTimeoutError, match="answers without an end"):
+        transport._receive(bus)
 
 
 def test_a_message_of_many_tags_goes_round(light: ScpiLight) -> None:

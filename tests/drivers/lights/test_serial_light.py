@@ -246,10 +246,11 @@ def test_a_driver_that_was_unplugged_is_lost_and_may_be_connected_again(
 ) -> None:
     light.connect()
     double.unplug()
-    for act in (light.read, lambda: light.on(0.5, 1.0), light.off):
+    for act in (light.read, lambda: light.on(0.5, 1.0)):
         with pytest.raises(DeviceLostError):
             act()
         assert light._port is None
+    assert not light.off().lit  # it was dark, and nothing has reached it since
     successor = SerialLightDouble()
     light._settings = settings(successor)
     light.connect()
@@ -291,6 +292,73 @@ def test_the_supervisor_does_not_wait_for_a_light_that_is_gone(double: SerialLig
     light.off = counted  # type: ignore[method-assign]
     _Supervisor(light).darken()
     assert tries == ["off"]
+
+
+SUPERVISED = [sys.executable, "-m", "tests.drivers.lights.supervised_serial_light"]
+
+
+def supervised(double: SerialLightDouble) -> SupervisedLight:
+    light = SupervisedLight([*SUPERVISED, double.port])
+    light.connect()
+    return light
+
+
+@pytest.mark.parametrize("reconnects", [False, True])
+def test_a_light_whose_cable_is_pulled_while_it_shines_is_never_said_to_be_dark(
+    double: SerialLightDouble, reconnects: bool
+) -> None:
+    """The lamp's own record is what counts: it still shines."""
+    light = supervised(double)
+    light.on(0.5, 30.0)
+    double.unplug()
+    assert double.lit
+    if reconnects:
+        with pytest.raises(DeviceLostError, match="may still shine"):
+            light.disconnect()
+        with pytest.raises(DeviceError):
+            light.connect()
+    for _ in range(2):
+        with pytest.raises(DeviceLostError, match="may still shine: switch it off by hand"):
+            light.off()
+    with suppress(DeviceLostError):
+        light.disconnect()
+
+
+def test_a_light_that_was_dark_when_its_cable_was_pulled_is_known_to_be_dark(double: SerialLightDouble) -> None:
+    light = supervised(double)
+    light.on(0.5, 30.0)
+    light.off()
+    double.unplug()
+    assert not double.lit
+    assert not light.off().lit
+    light.disconnect()
+    assert not light.off().lit
+
+
+def test_a_light_that_comes_back_is_known_to_be_dark_again(double: SerialLightDouble) -> None:
+    light = supervised(double)
+    light.on(0.5, 30.0)
+    double.unplug()
+    with pytest.raises(DeviceLostError, match="may still shine"):
+        light.disconnect()
+    successor = SerialLightDouble()
+    light._command = [*SUPERVISED, successor.port]
+    light.connect()
+    assert not successor.lit
+    assert not light.off().lit
+    light.disconnect()
+    successor.unplug()
+
+
+def test_nothing_is_known_of_a_light_whose_supervisor_was_killed_while_it_shone(double: SerialLightDouble) -> None:
+    light = supervised(double)
+    light.on(0.5, 30.0)
+    assert light._process is not None
+    light._process.kill()
+    with pytest.raises(DeviceLostError, match="may still shine"):
+        light.off()
+    with pytest.raises(DeviceLostError, match="may still shine"):
+        light.disconnect()
 
 
 def seconds_lit_after_death(double: SerialLightDouble) -> float:

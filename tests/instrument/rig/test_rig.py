@@ -1,6 +1,6 @@
 import pytest
 
-from drivers.errors import DeviceError, DriverNotFoundError, UnsafeError
+from drivers.errors import DeviceError, DriverNotFoundError, NotSafeError, UnsafeError
 from drivers.registry import open_devices
 from instrument.rig.rig import Rig
 from tests.protocols.fakes import FakeBench, FakeLight, fault_at, rig_config
@@ -35,8 +35,16 @@ def test_every_device_is_made_safe_though_the_first_fails_and_the_first_error_is
     bench = FakeBench(fault_at({4}, DeviceError))
     with pytest.raises(ZeroDivisionError) as caught, Rig.open(rig_config(), bench.devices):
         _ = 1 / 0
-    assert caught.value.__notes__ == ["light off failed: light.off failed at call 4"]
+    assert caught.value.__notes__ == ["NOT SAFE: light off failed: light.off failed at call 4"]
     assert bench.calls[5:7] == ["stage.stop", "camera.stop"]
+
+
+def test_an_error_that_is_told_in_words_is_told_with_what_is_not_safe() -> None:
+    """Nobody would see its notes, and the light comes first."""
+    bench = FakeBench(fault_at({4}, DeviceError))
+    said = r"^the camera is gone\. NOT SAFE: light off failed: light\.off failed at call 4$"
+    with pytest.raises(NotSafeError, match=said), Rig.open(rig_config(), bench.devices):
+        raise DeviceError("the camera is gone")
 
 
 def test_a_light_that_cannot_be_switched_off_is_an_error_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
