@@ -2,22 +2,50 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rawpy
 import tifffile
+from numpy.typing import NDArray
 
 from instrument.pictures.picture import Picture, UnreadablePictureError
 
-_RAW_KINDS = (tifffile.PHOTOMETRIC.CFA, tifffile.PHOTOMETRIC.LINEAR_RAW)
+RAW_KINDS = (tifffile.PHOTOMETRIC.CFA, tifffile.PHOTOMETRIC.LINEAR_RAW)
 _BLACK_REPEAT, _BLACK_LEVEL = 50713, 50714
+_CFA_LAYOUT, _DELTA_ACROSS, _DELTA_DOWN = 50711, 50715, 50716
+_OPCODE_LISTS = (51008, 51009, 51022)
+
+# Opcodes of DNG that map values, so that counts without them are no light; those that correct a lens are left off.
+_MAPPING_OPCODES = {
+    7: "MapTable",
+    8: "MapPolynomial",
+    10: "DeltaPerRow",
+    11: "DeltaPerColumn",
+    12: "ScalePerRow",
+    13: "ScalePerColumn",
+}
+
+
+def read_dng(path: Path) -> Picture:
+    """Read a DNG file as `read_raw` does, if LibRaw hands on all that its header says of the values."""
+    with tifffile.TiffFile(path) as file:
+        pages = [page for first in file.pages for page in (first, *(first.pages or ()))]
+        raw_tags = [page.tags for page in pages if page.tags.valueof("PhotometricInterpretation") in RAW_KINDS]
+        for tags in raw_tags:
+            _refuse_meanings(tags)
+        orientation = int(file.pages.first.tags.valueof("Orientation", default=1))
+        stated = np.concatenate([_black_levels(tags) for tags in raw_tags] or [np.zeros(1)])
+    picture = read_raw(path)
+    black = None if picture.black_level is None else tuple(_unrounded(level, stated) for level in picture.black_level)
+    return replace(picture, orientation=orientation, black_level=black)
 
 
 def read_raw(path: Path) -> Picture:
     """Read the visible part of a RAW file; masked borders of the sensor are left out."""
-    if path.suffix.lower() == ".dng":
-        refuse_altered(path)
     with rawpy.imread(str(path)) as raw:
         pixels = raw.raw_image_visible.copy()
         if raw.raw_type == rawpy.RawType.Stack:
@@ -31,40 +59,69 @@ def read_raw(path: Path) -> Picture:
         return Picture(pixels, _pattern(raw, cell), black, _white(raw))
 
 
-def refuse_altered(path: Path) -> None:
+def _refuse_meanings(tags: tifffile.TiffTags) -> None:
     """Raise `UnreadablePictureError` for a DNG whose values or black levels LibRaw does not hand on as they are.
 
     LibRaw scales floating-point values to each file's own maximum, so that frames of one bracket no longer compare;
-    and it hands on one black level for all channels of a linear DNG, and none of patterns larger than the cell.
+    it hands on one black level for all channels of a linear DNG, none of patterns larger than the cell, and of black
+    levels of rows and columns their mean.
     """
-    with tifffile.TiffFile(path) as file:
-        pages = [page for first in file.pages for page in (first, *(first.pages or ()))]
-        for tags in (page.tags for page in pages if page.tags.valueof("PhotometricInterpretation") in _RAW_KINDS):
-            _refuse_meanings(tags)
-
-
-def _refuse_meanings(tags: tifffile.TiffTags) -> None:
     formats = np.ravel(tags.valueof("SampleFormat", default=1))
     if np.any(formats == tifffile.SAMPLEFORMAT.IEEEFP):
         raise UnreadablePictureError(
             "holds floating-point values, each file scaled to its own maximum when it is read; save it as EXR or TIFF"
         )
+    if np.any(formats != tifffile.SAMPLEFORMAT.UINT):
+        raise UnreadablePictureError("holds whole numbers with a sign; save it without")
     rows, columns = np.ravel(tags.valueof(_BLACK_REPEAT, default=(1, 1)))[:2]
     if (rows, columns) not in {(1, 1), (2, 2)}:
         raise UnreadablePictureError(f"has black levels in a pattern of {rows} x {columns}; usable are 1 and 2 x 2")
     is_linear = tags.valueof("PhotometricInterpretation") == tifffile.PHOTOMETRIC.LINEAR_RAW
-    black = np.ravel(tags.valueof(_BLACK_LEVEL, default=0)).astype(float)
-    if black.size == 2 * max(np.ravel(tags.valueof("SamplesPerPixel", default=1))[0], 1) and black.size > 1:
-        black = black[::2] / black[1::2]  # rational numbers, numerator and denominator
+    black = _black_levels(tags)
     if is_linear and np.unique(black).size > 1:
         levels = ", ".join(f"{level:g}" for level in black)
         raise UnreadablePictureError(f"has black levels {levels} for its channels; save it with one for all")
+    if any(np.any(tags.valueof(code, default=0)) for code in (_DELTA_ACROSS, _DELTA_DOWN)):
+        raise UnreadablePictureError("has black levels of its own for rows or columns; save it without")
+    if tags.valueof(_CFA_LAYOUT, default=1) != 1:
+        raise UnreadablePictureError("has a mosaic in staggered rows or columns; needed are rectangular ones")
+    opcodes = {number for code in _OPCODE_LISTS for number in _opcodes(tags.valueof(code, default=b""))}
+    if names := [name for number, name in _MAPPING_OPCODES.items() if number in opcodes]:
+        raise UnreadablePictureError(f"asks for its values to be mapped ({', '.join(names)}); save it with that done")
+
+
+def _black_levels(tags: tifffile.TiffTags) -> NDArray[np.float64]:
+    tag: Any = tags.get(_BLACK_LEVEL)
+    if tag is None:
+        return np.zeros(1)
+    values = np.ravel(tag.value).astype(np.float64)
+    # Rational numbers come as numerator and denominator.
+    return (
+        values[::2] / values[1::2] if tag.dtype in (tifffile.DATATYPE.RATIONAL, tifffile.DATATYPE.SRATIONAL) else values
+    )
+
+
+def _opcodes(content: Any) -> Iterator[int]:
+    """Yield the opcodes in a list of a DNG: how many, then of each number, version, flags, size and parameters."""
+    data, position = bytes(content), 4
+    for _ in range(int.from_bytes(data[:4])):
+        if position >= len(data):
+            return
+        yield int.from_bytes(data[position : position + 4])
+        position += 16 + int.from_bytes(data[position + 12 : position + 16])
+
+
+def _unrounded(level: float, stated: NDArray[np.float64]) -> float:
+    """Return the level of a file that LibRaw has made a whole number of, if there is one."""
+    nearest = float(stated[np.argmin(np.abs(stated - level))])
+    return nearest if abs(nearest - level) < 1.0 else level
 
 
 def _check_mosaic(shape: tuple[int, ...]) -> None:
     if shape != (2, 2):
         size = " x ".join(map(str, shape))
-        raise UnreadablePictureError(f"has a mosaic of {size} pixels; only Bayer's of 2 x 2 can be used")
+        what = f"has a mosaic of {size} pixels; only Bayer's of 2 x 2 can be used. A linear DNG made of it can be read"
+        raise UnreadablePictureError(what)
 
 
 def _pattern(raw: rawpy.RawPy, cell: list[int]) -> str:
