@@ -21,6 +21,9 @@ Image.MAX_IMAGE_PIXELS = 1_000_000_000
 
 _ORIENTATION = 274
 
+_PNG_COLOURS, _PNG_GREY = 9, 0
+"""Where a PNG file's first part says of which colours it is, and what it says there."""
+
 _PFM_HEADER = re.compile(rb"(PF|Pf)\s+(\d+)\s+(\d+)\s+(\S+)(?:\r\n|\s)")
 
 
@@ -31,8 +34,12 @@ def read_png(path: Path) -> Picture:
             raise UnreadablePictureError("moves: it holds several pictures; save each in a file of its own")
         file.verify()
     chunks = list(_png_chunks(path.read_bytes()))
+    said = dict(chunks)
+    if b"tRNS" in said and said[b"IHDR"][_PNG_COLOURS] == _PNG_GREY:
+        # OpenCV does not say so.
+        raise UnreadablePictureError("is transparent where it has one of its greys; flatten it")
     exif = Image.Exif()
-    exif.load(dict(chunks).get(b"eXIf"))
+    exif.load(said.get(b"eXIf", b""))
     return Picture(
         read_with_opencv(path),
         bayer_pattern=None,

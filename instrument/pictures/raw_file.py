@@ -16,7 +16,7 @@ from instrument.pictures.picture import Picture, UnreadablePictureError
 
 RAW_KINDS = (tifffile.PHOTOMETRIC.CFA, tifffile.PHOTOMETRIC.LINEAR_RAW)
 _BLACK_REPEAT, _BLACK_LEVEL = 50713, 50714
-_CFA_LAYOUT, _DELTA_ACROSS, _DELTA_DOWN = 50711, 50715, 50716
+_ACTIVE_AREA, _CFA_LAYOUT, _DELTA_ACROSS, _DELTA_DOWN = 50829, 50711, 50715, 50716
 _OPCODE_LISTS = (51008, 51009, 51022)
 
 # Opcodes of DNG that map values, so that counts without them are no light; those that correct a lens are left off.
@@ -30,33 +30,44 @@ _MAPPING_OPCODES = {
 }
 
 
+def read_raw(path: Path) -> Picture:
+    """Read the visible part of a RAW file; masked borders of the sensor are left out."""
+    with rawpy.imread(str(path)) as raw:
+        return _visible(raw)
+
+
 def read_dng(path: Path) -> Picture:
-    """Read a DNG file as `read_raw` does, if LibRaw hands on all that its header says of the values."""
+    """Read a DNG file as `read_raw` does, if LibRaw hands on all that its header says of the values.
+
+    Black levels are those of the header: LibRaw makes whole numbers of them, and leaves the levels of a cell where
+    they are when it leaves out one more row or column of the active area.
+    """
     with tifffile.TiffFile(path) as file:
         pages = [page for first in file.pages for page in (first, *(first.pages or ()))]
         raw_tags = [page.tags for page in pages if page.tags.valueof("PhotometricInterpretation") in RAW_KINDS]
         for tags in raw_tags:
             _refuse_meanings(tags)
         orientation = int(file.pages.first.tags.valueof("Orientation", default=1))
-        stated = np.concatenate([_black_levels(tags) for tags in raw_tags] or [np.zeros(1)])
-    picture = read_raw(path)
-    black = None if picture.black_level is None else tuple(_unrounded(level, stated) for level in picture.black_level)
+        cells = {_cell(tags) for tags in raw_tags if _BLACK_LEVEL in tags}
+    if len(cells) > 1:
+        raise UnreadablePictureError(f"holds {len(raw_tags)} raw pictures of different black levels; save one alone")
+    with rawpy.imread(str(path)) as raw:
+        picture, top, left = _visible(raw), raw.sizes.top_margin, raw.sizes.left_margin
+    black = _moved(cells.pop(), top, left) if cells else picture.black_level
     return replace(picture, orientation=orientation, black_level=black)
 
 
-def read_raw(path: Path) -> Picture:
-    """Read the visible part of a RAW file; masked borders of the sensor are left out."""
-    with rawpy.imread(str(path)) as raw:
-        pixels = raw.raw_image_visible.copy()
-        if raw.raw_type == rawpy.RawType.Stack:
-            # A fourth channel is there for sensors of four colours only.
-            return Picture(pixels[..., :3], "", _plain(raw.black_level_per_channel), _white(raw))
-        if raw.raw_pattern is None or raw.num_colors == 1:
-            return Picture(pixels, "", _plain(raw.black_level_per_channel), _white(raw))
-        _check_mosaic(raw.raw_pattern.shape)
-        cell = [int(colour) for colour in raw.raw_colors_visible[:2, :2].ravel()]
-        black = tuple(float(raw.black_level_per_channel[colour]) for colour in cell)
-        return Picture(pixels, _pattern(raw, cell), black, _white(raw))
+def _visible(raw: rawpy.RawPy) -> Picture:
+    pixels = raw.raw_image_visible.copy()
+    if raw.raw_type == rawpy.RawType.Stack:
+        # A fourth channel is there for sensors of four colours only.
+        return Picture(pixels[..., :3], "", _plain(raw.black_level_per_channel), _white(raw))
+    if raw.raw_pattern is None or raw.num_colors == 1:
+        return Picture(pixels, "", _plain(raw.black_level_per_channel), _white(raw))
+    _check_mosaic(raw.raw_pattern.shape)
+    cell = [int(colour) for colour in raw.raw_colors_visible[:2, :2].ravel()]
+    black = tuple(float(raw.black_level_per_channel[colour]) for colour in cell)
+    return Picture(pixels, _pattern(raw, cell), black, _white(raw))
 
 
 def _refuse_meanings(tags: tifffile.TiffTags) -> None:
@@ -111,10 +122,19 @@ def _opcodes(content: Any) -> Iterator[int]:
         position += 16 + int.from_bytes(data[position + 12 : position + 16])
 
 
-def _unrounded(level: float, stated: NDArray[np.float64]) -> float:
-    """Return the level of a file that LibRaw has made a whole number of, if there is one."""
-    nearest = float(stated[np.argmin(np.abs(stated - level))])
-    return nearest if abs(nearest - level) < 1.0 else level
+def _cell(tags: tifffile.TiffTags) -> tuple[float, ...]:
+    """Return the black levels of a header for the cell that begins at the sensor's first pixel."""
+    black = _black_levels(tags)
+    if black.size != 4:
+        return (float(black[0]),) * 4  # one for all, or else it has been refused
+    # The cell of the header begins at the active area.
+    top, left = tags.valueof(_ACTIVE_AREA, default=(0, 0))[:2]
+    return _moved(tuple(black.tolist()), -top, -left)
+
+
+def _moved(cell: tuple[float, ...], rows: int, columns: int) -> tuple[float, ...]:
+    """Return a cell as it is where one begins so many rows down and columns to the right."""
+    return tuple(np.roll(np.reshape(cell, (2, 2)), (-rows, -columns), axis=(0, 1)).ravel().tolist())
 
 
 def _check_mosaic(shape: tuple[int, ...]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from struct import error as StructError  # noqa: N812, an exception like any other
 from struct import unpack_from
 
 import numpy as np
@@ -18,11 +19,8 @@ def curve_of_profile(profile: bytes) -> str:
     try:
         curves = [profile[offset : offset + size] for name, offset, size in _entries(profile) if name.endswith(b"TRC")]
         is_linear = bool(curves) and all(_is_linear(curve) for curve in curves)
-    except (ValueError, IndexError, ArithmeticError):
-        is_linear = False
-    except Exception as error:  # struct.error is no ValueError
-        if type(error).__name__ != "error":
-            raise
+    except (ValueError, StructError):
+        # Damaged: what it said is not known, and somebody has to say it.
         is_linear = False
     return "" if is_linear else "a colour profile with a curve"
 
@@ -56,7 +54,7 @@ def _is_linear(curve: bytes) -> bool:
     if curve[:4] == b"curv":
         (count,) = unpack_from(">I", curve, 8)
         table = np.frombuffer(curve, ">u2", count, 12).astype(np.float64)
-        return count == 0 or (count == 1 and table[0] == 256) or (count > 1 and is_ramp(table))
+        return count == 0 or bool(count == 1 and table[0] == 256) or (count > 1 and is_ramp(table))
     if curve[:4] == b"para":
         kind, _, gamma = unpack_from(">HHi", curve, 8)
         return kind == 0 and gamma == 1 << 16

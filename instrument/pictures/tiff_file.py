@@ -27,8 +27,11 @@ def read_tiff(path: Path) -> Picture:
         page: Any = file.pages.first
         if page.photometric in RAW_KINDS or _DNG_VERSION in page.tags:
             return read_dng(path)
-        if len(file.pages) > 1:
-            raise UnreadablePictureError(f"holds {len(file.pages)} pictures; save each in a file of its own")
+        # Large stacks have one page, and all pictures behind it.
+        if (n := max(len(file.pages), file.series[0].size // max(page.size, 1))) > 1:
+            raise UnreadablePictureError(f"holds {n} pictures; save each in a file of its own")
+        if (file.imagej_metadata or {}).get("c1") is not None:
+            raise UnreadablePictureError("states a calibration of its values (ImageJ); save it without")
         _refuse_other_meanings(page)
         packed = page.bitspersample in _PACKED
         pixels = _unpacked(page) if packed else _pixels(page, path)
@@ -74,6 +77,10 @@ def _read_compressed(page: Any, path: Path) -> NDArray[Any]:
     if page.tags.valueof("Orientation", default=1) != 1:
         # The same for pictures that are to be turned.
         raise UnreadablePictureError("is compressed and to be turned when it is shown; save it uncompressed")
+    is_in_planes = page.samplesperpixel > 1 and page.planarconfig == tifffile.PLANARCONFIG.SEPARATE
+    if is_in_planes or page.dtype not in (np.uint8, np.uint16, np.float32, np.float64):
+        # Of planes of floating-point numbers OpenCV hands on memory that it has not filled.
+        raise UnreadablePictureError("is compressed in a way that cannot be read; save it uncompressed")
     pixels = read_with_opencv(path)
     if pixels.dtype != page.dtype or pixels.shape[:2] != (page.imagelength, page.imagewidth):
         raise UnreadablePictureError("is compressed in a way that cannot be read; save it uncompressed")
