@@ -104,6 +104,6 @@ def _single(pixels: NDArray[Any]) -> NDArray[np.float32]:
     if not np.isfinite(pixels).all():
         raise UnreadablePictureError("has pixels that are NaN or infinite; write numbers only")
     largest = float(np.abs(pixels).max())
-    if pixels.dtype.itemsize > 4 and largest > 0 and not _SMALLEST < largest < np.finfo(np.float32).max:
+    if pixels.dtype.itemsize > 4 and largest > 0 and not _SMALLEST < largest < float(np.finfo(np.float32).max):
         raise UnreadablePictureError(f"has values up to {largest:g}, out of single precision; use another unit")
     return pixels.astype(np.float32)

@@ -54,8 +54,9 @@ def _is_linear(curve: bytes) -> bool:
     if curve[:4] == b"curv":
         (count,) = unpack_from(">I", curve, 8)
         table = np.frombuffer(curve, ">u2", count, 12).astype(np.float64)
-        return count == 0 or bool(count == 1 and table[0] == 256) or (count > 1 and is_ramp(table))
+        # One number is a power, in steps of 1/256.
+        return count == 0 or (is_ramp(table) if count > 1 else float(table[0]) == 256.0)
     if curve[:4] == b"para":
         kind, _, gamma = unpack_from(">HHi", curve, 8)
-        return kind == 0 and gamma == 1 << 16
+        return bool(kind == 0 and gamma == 1 << 16)
     return False

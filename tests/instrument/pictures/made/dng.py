@@ -10,6 +10,7 @@ import numpy as np
 import tifffile
 
 from tests.instrument.pictures.made.made import Array, Chooser, Made
+from tests.instrument.pictures.writers import packed_tiff
 
 IDENTITY = tuple(part for value in np.eye(3, dtype=int).ravel() for part in (int(value), 1))
 BAYER = {"RGGB": b"\0\1\1\2", "BGGR": b"\2\1\1\0", "GRBG": b"\1\0\2\1", "GBRG": b"\1\2\0\1"}
@@ -20,6 +21,8 @@ _OF_THE_FILE = (274, 50706, 50707, 50708, 50721, 50728, 50730)
 def make_dng(path: Path, choose: Chooser) -> Made:
     """Make a file."""
     path = path.with_suffix(".dng")
+    if choose.yes("packed", 0.1):
+        return _packed(path, choose)
     linear = choose.yes("linear", 0.25)
     n = choose.one("channels", [3, 1], 0.7) if linear else 1
     dtype = np.dtype(choose.one("dtype", ["u2", "u1", "f4", "i2"], 0.85))
@@ -59,6 +62,27 @@ def make_dng(path: Path, choose: Chooser) -> Made:
     return Made(named, choose.header, inside, 1e-6, must, black=black, white=float(white), pattern=pattern)
 
 
+def _packed(path: Path, choose: Chooser) -> Made:
+    """Make a file of a mosaic whose values of 10, 12 or 14 bits stand side by side."""
+    bits = choose.one("bits", [10, 12, 14])
+    height, width = choose.size(34, 48)
+    counts = choose.rng.integers(0, 1 << bits, (height // 2 * 2, width, 1)).astype(np.uint16)
+    pattern = choose.one("pattern", list(BAYER))
+    cell = choose.rng.integers(0, 60, 4).tolist()
+    more = [
+        (50706, "B", [1, 4, 0, 0]),
+        (33421, "H", [2, 2]),
+        (33422, "B", list(BAYER[pattern])),
+        (50713, "H", [2, 2]),
+        (50714, "I", cell),
+        (50829, "I", [0, 0, *counts.shape[:2]]),
+        (50717, "I", [white := (1 << bits) - 1]),
+    ]
+    packed_tiff(path, counts, bits, photometric=32803, order=choose.one("order", "<>"), more=more)
+    black = np.reshape(cell, (2, 2)).astype(float)
+    return Made(path, choose.header, counts, black=black, white=float(white), pattern=pattern)
+
+
 def _common(choose: Chooser, dtype: Any) -> list[Any]:
     tags: list[Any] = [
         (50706, "B", 4, b"\1\4\0\0", True),
@@ -68,6 +92,8 @@ def _common(choose: Chooser, dtype: Any) -> list[Any]:
     ]
     if choose.yes("neutral", 0.5):
         tags.append((50728, "2I", 3, (1, 2, 1, 1, 2, 3), True))
+    if choose.yes("default crop", 0.3):
+        tags += [(50719, "2I", 2, (2, 1, 3, 1), True), (50720, "2I", 2, (24, 1, 22, 1), True)]
     if choose.yes("baseline exposure", 0.3):
         tags.append((50730, "2i", 1, (3, 2), True))
     if orientation := choose.one("orientation", [None, 1, 3, 6, 8, 2], 0.6):

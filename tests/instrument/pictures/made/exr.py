@@ -22,7 +22,7 @@ LOSSLESS = (
 def make_exr(path: Path, choose: Chooser) -> Made:
     """Make a file."""
     path = path.with_suffix(".exr")
-    dtype = np.dtype(choose.one("dtype", ["f4", "f2", "u4"]))
+    dtype = np.dtype(choose.one("dtype", ["f4", "f2", "u4"], 0.4))
     names = choose.one("channels", ["RGB", "Y", "RGBA", "YA", "RG", "layer.RGB", "Y RY BY", "RGBZ", "mixed"], 0.3)
     height, width = choose.size()
     values = choose.values(dtype, (height, width, 3 if "RG" in names or names == "mixed" else 1))

@@ -17,7 +17,7 @@ NUMPY = ["u1", "u2", "f2", "f4", "f8", "f16", "i1", "i2", "i4", "i8", "u4", "u8"
 def make_npy(path: Path, choose: Chooser) -> Made:
     """Make an array of any type and order."""
     path = path.with_suffix(".npy")
-    kind = choose.one("dtype", NUMPY)
+    kind = NUMPY[int(choose.rng.integers(5))] if choose.yes("usual", 0.5) else choose.one("dtype", NUMPY)
     shape = choose.one("shape", [(), (3,), (1,), (2,), (4,), (3, 1)], 0.4)
     shape = (*choose.size(4), *shape)
     read = kind in NUMPY[:5]

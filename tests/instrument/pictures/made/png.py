@@ -51,7 +51,7 @@ def make_png(path: Path, choose: Chooser) -> Made:
     rows = b"".join(_pass(stored, bits, *one) for one in ADAM7) if interlaced else _pass(stored, bits, 0, 1, 0, 1)
     head = pack(">IIBBBBB", width, height, bits, kind, 0, 0, interlaced)
     content = [(b"IHDR", head), *chunks, (b"IDAT", zlib.compress(rows)), (b"IEND", b"")]
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(_chunk(name, data) for name, data in content))
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in content))
     must = opaque and orientation != 4
     return Made(path, choose.header, light if opaque else None, must_read=must, curve=curve)
 
@@ -92,5 +92,6 @@ def _pass(stored: Array, bits: int, top: int, down: int, left: int, across: int)
     return b"".join(b"\0" + row for row in packed)
 
 
-def _chunk(name: bytes, data: bytes) -> bytes:
+def chunk(name: bytes, data: bytes) -> bytes:
+    """Return one part of a PNG file."""
     return pack(">I", len(data)) + name + data + pack(">I", zlib.crc32(name + data))
