@@ -45,7 +45,7 @@ class Picture:
 
 _MIRRORED = (2, 4, 5, 7)
 
-_SMALLEST = float(np.finfo(np.float32).tiny) / np.finfo(np.float32).eps
+_SMALLEST = float(np.finfo(np.float32).tiny / np.finfo(np.float32).eps)
 """Below, the dark of a picture would have fewer digits than single precision has."""
 
 Reader = Callable[[Path], Picture]
