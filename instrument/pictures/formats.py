@@ -59,7 +59,7 @@ def read_jpeg(path: Path) -> Picture:
 
 def read_exr(path: Path) -> Picture:
     """Read the one part of an EXR file that has R, G and B, or Y."""
-    with OpenEXR.File(str(path)) as file:
+    with OpenEXR.File(str(path), separate_channels=True) as file:
         if not file.parts:
             raise UnreadablePictureError("is damaged or cut short")
         parts = [i for i in range(len(file.parts)) if _colours(file.channels(i))]
@@ -68,13 +68,14 @@ def read_exr(path: Path) -> Picture:
             raise UnreadablePictureError(f"has the channels {names}; needed are R, G, B or Y")
         if len(parts) > 1:
             raise UnreadablePictureError(f"holds {len(parts)} pictures; save each in a file of its own")
-        channels, header = file.channels(parts[0]), file.header(parts[0])
-        _refuse_parts_of_pictures(channels, header)
-        name = _colours(channels)
-        pixels = np.asarray(channels[name].pixels)
-        if name == "Y" and "A" in channels:
-            pixels = np.stack([pixels, np.asarray(channels["A"].pixels, pixels.dtype)], axis=-1)
-        return Picture(without_alpha(pixels), bayer_pattern="" if name != "Y" else None)
+        channels = file.channels(parts[0])
+        _refuse_parts_of_pictures(channels, file.header(parts[0]))
+        colours = _colours(channels)
+        planes = [np.asarray(channels[name].pixels) for name in (*colours, *({"A"} & set(channels)))]
+        if any(plane.dtype.kind != "f" for plane in planes):
+            raise UnreadablePictureError("has whole numbers; save it with floating-point numbers")
+        pixels = np.stack(planes, axis=-1)
+        return Picture(without_alpha(pixels), bayer_pattern="" if colours == "RGB" else None)
 
 
 def read_pfm(path: Path) -> Picture:
@@ -131,8 +132,8 @@ def _png_chunks(content: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _colours(channels: dict[str, Any]) -> str:
-    """Return the name of the channels that hold the picture; ``""`` if there are none."""
-    return next((name for name in ("RGB", "RGBA", "Y") if name in channels), "")
+    """Return the names of the channels that are the picture, a letter each; ``""`` if there are none."""
+    return next((names for names in ("RGB", "Y") if set(names) <= set(channels)), "")
 
 
 def _refuse_parts_of_pictures(channels: dict[str, Any], header: dict[str, Any]) -> None:

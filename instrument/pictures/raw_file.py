@@ -16,7 +16,7 @@ from instrument.pictures.picture import Picture, UnreadablePictureError
 
 RAW_KINDS = (tifffile.PHOTOMETRIC.CFA, tifffile.PHOTOMETRIC.LINEAR_RAW)
 _BLACK_REPEAT, _BLACK_LEVEL = 50713, 50714
-_ACTIVE_AREA, _CFA_LAYOUT, _DELTA_ACROSS, _DELTA_DOWN = 50829, 50711, 50715, 50716
+_ACTIVE_AREA, _CFA_PATTERN, _CFA_LAYOUT, _DELTA_ACROSS, _DELTA_DOWN = 50829, 33422, 50711, 50715, 50716
 _OPCODE_LISTS = (51008, 51009, 51022)
 
 # Opcodes of DNG that map values, so that counts without them are no light; those that correct a lens are left off.
@@ -94,6 +94,11 @@ def _refuse_meanings(tags: tifffile.TiffTags) -> None:
         raise UnreadablePictureError(f"has black levels {levels} for its channels; save it with one for all")
     if any(np.any(tags.valueof(code, default=0)) for code in (_DELTA_ACROSS, _DELTA_DOWN)):
         raise UnreadablePictureError("has black levels of its own for rows or columns; save it without")
+    if not is_linear and _CFA_PATTERN not in tags:
+        # LibRaw would guess.
+        raise UnreadablePictureError(
+            "does not say of which colours its mosaic is; state CFAPattern, or save it as grey"
+        )
     if tags.valueof(_CFA_LAYOUT, default=1) != 1:
         raise UnreadablePictureError("has a mosaic in staggered rows or columns; needed are rectangular ones")
     opcodes = {number for code in _OPCODE_LISTS for number in _opcodes(tags.valueof(code, default=b""))}

@@ -78,8 +78,8 @@ def _read_compressed(page: Any, path: Path) -> NDArray[Any]:
         # The same for pictures that are to be turned.
         raise UnreadablePictureError("is compressed and to be turned when it is shown; save it uncompressed")
     is_in_planes = page.samplesperpixel > 1 and page.planarconfig == tifffile.PLANARCONFIG.SEPARATE
-    if is_in_planes or page.dtype not in (np.uint8, np.uint16, np.float32, np.float64):
-        # Of planes of floating-point numbers OpenCV hands on memory that it has not filled.
+    if is_in_planes or page.samplesperpixel == 2 or page.dtype not in (np.uint8, np.uint16, np.float32, np.float64):
+        # Of planes of floating-point numbers OpenCV hands on memory that it has not filled; of two values it drops one.
         raise UnreadablePictureError("is compressed in a way that cannot be read; save it uncompressed")
     pixels = read_with_opencv(path)
     if pixels.dtype != page.dtype or pixels.shape[:2] != (page.imagelength, page.imagewidth):

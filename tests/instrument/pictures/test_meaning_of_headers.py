@@ -96,6 +96,8 @@ def test_a_dng_in_all_but_its_name_is_read_as_one(tmp_path: Path) -> None:
     black = (50714, "I", 1, 64, True)
     picture = read_picture(dng(tmp_path / "a.tif", black))
     assert (picture.bayer_pattern, picture.black_level) == ("RGGB", (64,) * 4)
+    tifffile.imwrite(tmp_path / "b.tif", GREY16, photometric=32803)
+    assert "does not say of which colours its mosaic is; state CFAPattern" in refusal(tmp_path / "b.tif")
 
 
 @pytest.mark.parametrize("orientation", [2, 4, 5, 7])

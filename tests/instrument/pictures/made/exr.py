@@ -41,7 +41,7 @@ def make_exr(path: Path, choose: Chooser) -> Made:
     _set_windows(header, windows, height, width)
     parts = choose.one("parts", ["one", "two", "depth"], 0.8)
     _write(path, header, channels, parts)
-    plain = names in ("RGB", "Y", "RGBZ") or (names in ("RGBA", "YA") and opaque)
+    plain = names in ("RGB", "Y", "RGBZ", "mixed") or (names in ("RGBA", "YA") and opaque)
     must = dtype.kind == "f" and plain and windows in ("equal", "moved") and parts != "two"
     has_light = opaque and windows in ("equal", "moved") and names not in ("RG", "Y RY BY", "layer.RGB")
     return Made(path, choose.header, values if has_light else None, must_read=must and windows == "equal")
