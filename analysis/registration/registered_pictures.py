@@ -139,7 +139,7 @@ def _read_picture(path: Path) -> _Picture:
     picture = None if is_raw(path) else read_picture(path)
     if picture is None or picture.bayer_pattern:
         raise ValueError("a RAW file is a mosaic, which cannot be registered; develop it linearly and save it as TIFF")
-    if picture.orientation != 1:
+    if picture.orientation in range(2, 9):  # some cameras write 0 for "not known"
         raise ValueError(f"is to be turned when it is shown (orientation {picture.orientation}); save it upright")
     values = picture.pixels
     if values.ndim == 2:

@@ -182,6 +182,7 @@ def consistency_problems(arrangement: Arrangement) -> Iterator[Problem]:
     counts = [f for f in everything if not (f in darks and f.surveyed.dtype == "f4")]
     yield from _odd(counts, "type of values", lambda f: _TYPES[f.surveyed.dtype], frames)
     yield from _odd(everything, "mosaic", lambda f: f.surveyed.bayer_pattern or None, frames)
+    yield from _odd(shot_alike, "stated curve", lambda f: f.surveyed.curve or "none", frames)
     yield from _odd([*shot_alike, *darks], "ISO", lambda f: f.surveyed.shot.iso, frames)
     yield from _odd(shot_alike, "f-number", lambda f: f.surveyed.shot.f_number, frames)
     if not is_raw(frames[0].pick.path):

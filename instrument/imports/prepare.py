@@ -132,7 +132,8 @@ def _linearity_problems(config: CaptureConfig, arrangement: Arrangement, place: 
     if dtype == "u1" and not is_told:
         what = f"pictures of 8 bits are made for display and not proportional to light; {RESPONSE_REMEDY}"
         yield Problem(place.of(()), f"{what}. If they are proportional to light, set linear = true")
-    curved = [frame for frame in arrangement.frames if frame.surveyed.curve]
+    lit = (*arrangement.frames, *arrangement.ambient, *arrangement.flats)
+    curved = [frame for frame in lit if frame.surveyed.curve]
     if dtype != "u1" and curved and not is_told:
         remedy = "undo it" if dtype == "f4" else RESPONSE_REMEDY
         what = f"states {curved[0].surveyed.curve}, so that its values are not proportional to light; {remedy}"

@@ -89,10 +89,13 @@ def _refuse_meanings(tags: tifffile.TiffTags) -> None:
         raise UnreadablePictureError(f"has black levels in a pattern of {rows} x {columns}; usable are 1 and 2 x 2")
     is_linear = tags.valueof("PhotometricInterpretation") == tifffile.PHOTOMETRIC.LINEAR_RAW
     black = _black_levels(tags)
+    samples = int(np.ravel(tags.valueof("SamplesPerPixel", default=1))[0])
+    if black.size not in (1, rows * columns * samples):
+        raise UnreadablePictureError(f"has {black.size} black levels for a pattern of {rows} x {columns}; state each")
     if is_linear and np.unique(black).size > 1:
         levels = ", ".join(f"{level:g}" for level in black)
         raise UnreadablePictureError(f"has black levels {levels} for its channels; save it with one for all")
-    if any(np.any(tags.valueof(code, default=0)) for code in (_DELTA_ACROSS, _DELTA_DOWN)):
+    if any(np.any(_numbers(tags, code)) for code in (_DELTA_ACROSS, _DELTA_DOWN)):
         raise UnreadablePictureError("has black levels of its own for rows or columns; save it without")
     if not is_linear and _CFA_PATTERN not in tags:
         # LibRaw would guess.
@@ -107,14 +110,18 @@ def _refuse_meanings(tags: tifffile.TiffTags) -> None:
 
 
 def _black_levels(tags: tifffile.TiffTags) -> NDArray[np.float64]:
-    tag: Any = tags.get(_BLACK_LEVEL)
+    return _numbers(tags, _BLACK_LEVEL)
+
+
+def _numbers(tags: tifffile.TiffTags, code: int) -> NDArray[np.float64]:
+    """Return the numbers of a tag; 0 if it is not there."""
+    tag: Any = tags.get(code)
     if tag is None:
         return np.zeros(1)
     values = np.ravel(tag.value).astype(np.float64)
     # Rational numbers come as numerator and denominator.
-    return (
-        values[::2] / values[1::2] if tag.dtype in (tifffile.DATATYPE.RATIONAL, tifffile.DATATYPE.SRATIONAL) else values
-    )
+    is_rational = tag.dtype in (tifffile.DATATYPE.RATIONAL, tifffile.DATATYPE.SRATIONAL)
+    return values[::2] / values[1::2] if is_rational else values
 
 
 def _opcodes(content: Any) -> Iterator[int]:

@@ -17,7 +17,7 @@ from instrument.imports.template import capture_template
 from instrument.pictures.picture import UnreadablePictureError
 from instrument.pictures.reading import read_picture
 from instrument.pictures.stated_curve import curve_of_profile
-from tests.instrument.imports.folders import H, W, imported, mosaic, refused, write_capture, write_dng, write_exr
+from tests.instrument.imports.folders import H, W, imported, mosaic, refused, write_dng
 from tests.instrument.pictures.made.made import icc_profile
 from tests.instrument.pictures.made.png import chunk
 from tests.instrument.pictures.writers import compressed_tiff
@@ -71,6 +71,7 @@ def opcodes(number: int) -> tuple[Any, ...]:
     [
         ((50715, "2i", W, (1, 1) * W, True), "black levels of its own for rows or columns; save it without"),
         ((50716, "2i", H, (1, 1) * H, True), "black levels of its own for rows or columns"),
+        ((50714, "I", 3, (1, 2, 3), True), "has 3 black levels for a pattern of 1 x 1; state each"),
         ((50711, "H", 1, 2, True), "a mosaic in staggered rows or columns"),
         (opcodes(8), r"asks for its values to be mapped \(MapPolynomial\); save it with that done"),
         ((274, "H", 1, 2, True), r"stored mirrored \(orientation 2\); save it upright"),
@@ -83,7 +84,8 @@ def test_a_dng_that_asks_for_what_is_not_done_is_refused(tmp_path: Path, tag: tu
 
 def test_a_dng_with_a_sign_is_refused_and_one_that_corrects_its_lens_is_read(tmp_path: Path) -> None:
     assert "whole numbers with a sign" in refusal(dng(tmp_path / "a.dng", pixels=mosaic(0).astype(np.int16)))
-    np.testing.assert_array_equal(read_picture(dng(tmp_path / "b.dng", opcodes(9))).pixels, mosaic(0))
+    no_deltas = (50715, "2i", W, (0, 1) * W, True)
+    np.testing.assert_array_equal(read_picture(dng(tmp_path / "b.dng", opcodes(9), no_deltas)).pixels, mosaic(0))
 
 
 def test_the_table_of_a_dng_is_applied(tmp_path: Path) -> None:
@@ -240,9 +242,11 @@ def test_values_that_single_precision_does_not_hold_are_refused(tmp_path: Path, 
     assert "out of single precision; use another unit" in refusal(tmp_path / "a.npy")
 
 
-def test_a_curve_of_any_of_the_pictures_counts(tmp_path: Path) -> None:
-    write_exr(tmp_path / "other.exr", LIGHT)
-    tifffile.imwrite(tmp_path / "a.tif", GREY16)
-    tifffile.imwrite(tmp_path / "b.tif", GREY16, iccprofile=icc_profile(2.2))
-    write_capture(tmp_path, "")
-    assert "b.tif: states a colour profile" in refused(tmp_path, f'name = "a"\n{ONE_EXPOSURE}glob = "*.tif"\n')
+def test_a_curve_that_some_of_the_pictures_state_is_named(tmp_path: Path) -> None:
+    for name, profile in (("a.tif", None), ("b.tif", None), ("c.tif", icc_profile(2.2))):
+        tifffile.imwrite(tmp_path / name, GREY16, iccprofile=profile)
+    message = refused(tmp_path, f'name = "a"\nlinear = true\n{ONE_EXPOSURE}glob = "*.tif"\n')
+    assert "c.tif: its stated curve is a colour profile with a curve and that of other pictures none" in message
+    flats = '[flats]\nfiles = ["c.tif"]\nexposure_times_s = [1.0]\n'
+    message = refused(tmp_path, f'name = "a"\n{ONE_EXPOSURE}glob = "*.tif"\n{flats}')
+    assert "c.tif: states a colour profile with a curve, so that its values are not proportional" in message

@@ -42,7 +42,8 @@ def _no_number(kind: str) -> Any:
 def make_hdr(path: Path, choose: Chooser) -> Made:
     """Make a Radiance picture with exposures, corrections and lines in any direction."""
     path = path.with_suffix(".hdr")
-    values = choose.values("f4", (*choose.size(8), 3)) * 10.0 ** choose.rng.integers(-6, 7)
+    size = choose.size()
+    values = choose.values("f4", (*size, 3)) * 10.0 ** choose.rng.integers(-6, 7)
     lines = []
     factors = np.ones(3)
     for _ in range(choose.one("exposures", [0, 0, 1, 2])):
@@ -56,8 +57,9 @@ def make_hdr(path: Path, choose: Chooser) -> Made:
     )
     lines += [other] if other else []
     directions = ["-Y +X", "+Y +X", "-Y -X", "+Y -X", "+X -Y", "+X +Y", "-X -Y", "-X +Y"]
-    how = choose.one("how", ["runs", "old runs", "flat"])
-    write_hdr(path, values * factors, lines, how, choose.one("size", directions, 0.5))
+    # Runs of each part of a colour are for lines of eight pixels or more.
+    how = choose.one("how", ["old runs", "flat", "runs"][: 2 + (min(size) >= 8)])
+    write_hdr(path, values * factors, lines, how, choose.one("directions", directions, 0.5))
     refused = other.startswith(("FORMAT", "GAMMA=2"))
     step = (values * factors).max(axis=2, keepdims=True) / 128 / factors
     return Made(path, choose.header, None if refused else values, step, must_read=not refused)
