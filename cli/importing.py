@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from cli.output import FILE, FOLDER, FiniteRange, check_new
-
-if TYPE_CHECKING:
-    pass
+from cli.output import FILE, PATH, FiniteRange, check_new
 
 EPILOG = """Examples:
 
@@ -23,7 +19,7 @@ halfangle import --registered card --positions positions.csv --width-mm 68.48 --
 
 
 @click.command("import", epilog=EPILOG)
-@click.argument("folder", type=FOLDER)
+@click.argument("folder", type=PATH)
 @click.option("-o", "--output", type=FILE, help="Session (or registered stack) to write; FOLDER.h5 by default.")
 @click.option(
     "--capture", "capture_file", type=FILE, help="What the pictures do not say; FOLDER/capture.toml by default."
@@ -47,12 +43,14 @@ def import_pictures(
     gamma: float | None,
     binning: int | None,
 ) -> None:
-    """Make a session of the pictures in FOLDER: RAW, TIFF, PNG, JPEG, EXR or NumPy.
+    """Make a session of the pictures in FOLDER: RAW, TIFF, PNG, JPEG, HEIC, BMP, EXR, HDR, PFM or NumPy.
 
     FOLDER/capture.toml says what the pictures do not; --init writes one to complete.
     """
     if not folder.is_dir():
-        raise click.UsageError(f"{folder} is no folder.")
+        from instrument.pictures.reading import why_no_folder
+
+        raise click.UsageError(f"{folder} {why_no_folder(folder)}.")
     given = {"--positions": positions, "--width-mm": width_mm, "--gamma": gamma, "--bin": binning}
     if registered:
         _refuse("cannot go with --registered", {"--init": init, "--capture": capture_file})

@@ -13,11 +13,9 @@ from analysis.registration.lighting import looking_at_centre
 from analysis.registration.positions import Placement, read_positions
 from analysis.registration.stack import Stack
 from instrument.files.validation import Problem, raise_if_any
-from instrument.pictures.reading import is_raw, read_picture
+from instrument.pictures.reading import LINEAR_SUFFIXES, is_raw, read_picture
 
 Array = NDArray[np.float64]
-
-LINEAR_SUFFIXES = (".exr", ".npy")
 
 MIN_SIDE = 2
 """Pixels; a single row or column has no relief to find."""
@@ -59,7 +57,7 @@ def import_registered(folder: Path, positions: Path, width_mm: float, gamma: flo
         Width of the area that a picture shows.
     gamma : float or None
         The pictures are linear radiance to the power 1 / gamma; None = not stated, which only formats that are
-        always linear (EXR, NumPy) may leave out. 1 = linear.
+        always linear (EXR, HDR, PFM, NumPy) may leave out. 1 = linear.
     binning : int
         Average squares of so many pixels a side.
 
@@ -138,16 +136,19 @@ def _size_problems(
 
 def _read_picture(path: Path) -> _Picture:
     """Read a picture; whole numbers are scaled so that the largest of their type is 1."""
-    if is_raw(path):
+    picture = None if is_raw(path) else read_picture(path)
+    if picture is None or picture.bayer_pattern:
         raise ValueError("a RAW file is a mosaic, which cannot be registered; develop it linearly and save it as TIFF")
-    values = read_picture(path).pixels
+    if picture.orientation in range(2, 9):  # some cameras write 0 for "not known"
+        raise ValueError(f"is to be turned when it is shown (orientation {picture.orientation}); save it upright")
+    values = picture.pixels
     if values.ndim == 2:
         values = values[..., None]
     if min(values.shape[:2]) < MIN_SIDE:
         height, width = values.shape[:2]
         raise ValueError(f"has {width} x {height} pixels; needed are {MIN_SIDE} at least a side, or it has no slopes")
     whole = values.dtype.kind in "iu"
-    scale = np.iinfo(values.dtype).max if whole else 1.0
+    scale = (picture.saturation_level or np.iinfo(values.dtype).max) if whole else 1.0
     return _Picture(np.ascontiguousarray(values, np.float32) / np.float32(scale), 1.0 / scale if whole else 0.0)
 
 

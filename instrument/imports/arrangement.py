@@ -12,6 +12,7 @@ from instrument.imports.brackets import exposure_indices, nominal_times, same_ti
 from instrument.imports.finder import Pick
 from instrument.imports.selection import Selection
 from instrument.imports.survey import Surveyed
+from instrument.pictures.reading import is_raw
 from instrument.session.import_plan import ImportPlan, Source
 from instrument.session.layout import MAX_SIZES
 
@@ -181,9 +182,10 @@ def consistency_problems(arrangement: Arrangement) -> Iterator[Problem]:
     counts = [f for f in everything if not (f in darks and f.surveyed.dtype == "f4")]
     yield from _odd(counts, "type of values", lambda f: _TYPES[f.surveyed.dtype], frames)
     yield from _odd(everything, "mosaic", lambda f: f.surveyed.bayer_pattern or None, frames)
+    yield from _odd(shot_alike, "stated curve", lambda f: f.surveyed.curve or "none", frames)
     yield from _odd([*shot_alike, *darks], "ISO", lambda f: f.surveyed.shot.iso, frames)
     yield from _odd(shot_alike, "f-number", lambda f: f.surveyed.shot.f_number, frames)
-    if frames[0].surveyed.saturation_level is None:
+    if not is_raw(frames[0].pick.path):
         # Only pictures that are no RAW files have one applied.
         yield from _odd(shot_alike, "white balance", lambda f: f.surveyed.shot.white_balance or None, frames)
 

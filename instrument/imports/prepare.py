@@ -128,9 +128,16 @@ def _arranged(config: CaptureConfig, folder: Path, place: _Place, title: str, wa
 
 def _linearity_problems(config: CaptureConfig, arrangement: Arrangement, place: _Place) -> Iterator[Problem]:
     dtype = arrangement.frames[0].surveyed.dtype
-    if dtype == "u1" and config.linear is None and config.response is None:
+    is_told = config.linear is not None or config.response is not None
+    if dtype == "u1" and not is_told:
         what = f"pictures of 8 bits are made for display and not proportional to light; {RESPONSE_REMEDY}"
         yield Problem(place.of(()), f"{what}. If they are proportional to light, set linear = true")
+    lit = (*arrangement.frames, *arrangement.ambient, *arrangement.flats)
+    curved = [frame for frame in lit if frame.surveyed.curve]
+    if dtype != "u1" and curved and not is_told:
+        remedy = "undo it" if dtype == "f4" else RESPONSE_REMEDY
+        what = f"states {curved[0].surveyed.curve}, so that its values are not proportional to light; {remedy}"
+        yield Problem(curved[0].pick.name, f"{what}. If they are proportional to light, set linear = true")
     if dtype == "f4" and config.response is not None:
         what = "floating-point pictures must be linear; undo their curve and leave [response] out"
         yield Problem(place.of(("response",)), what)

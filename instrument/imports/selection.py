@@ -9,6 +9,7 @@ from pathlib import Path
 from instrument.config.messages import dotted
 from instrument.imports.capture_config import CaptureConfig, FlatsTable, GroupingTable
 from instrument.imports.finder import Complaint, Finder, Pick
+from instrument.pictures.reading import KNOWN_KINDS
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,8 @@ def _grouped_poses(grouping: GroupingTable, finder: Finder, taken: set[Path]) ->
     paths = [path for path in finder.fitting(grouping.glob, ("grouping", "glob")) if path not in taken]
     size = len(paths) if grouping.by == "exposure" else grouping.frames_per_pose or 1
     if not paths:
-        finder.complain(("grouping", "glob"), f"no picture in {finder.folder} fits {grouping.glob!r}")
+        what = f"no picture in {finder.folder} fits {grouping.glob!r}; known are {KNOWN_KINDS}"
+        finder.complain(("grouping", "glob"), what)
         return ()
     if len(paths) % size:
         what = f"there are {len(paths)} pictures, which are no whole poses of {size}; is one missing?"

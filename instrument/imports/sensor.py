@@ -111,11 +111,10 @@ def _saturation_level(table: CameraTable, frames: Sequence[Frame], shift: int, d
 
 def _notes(table: CameraTable, frames: Sequence[Frame], camera: CameraRecord) -> Iterator[str]:
     first = frames[0].surveyed
-    if first.dtype == "u2" and first.saturation_level is None:
-        if table.bit_depth is None:
-            yield f"counts are taken to be {camera.bit_depth} bits deep; state bit_depth in [camera] if they are not"
-        if first.black_level is None and table.black_level is None:
-            yield "the black level is taken to be 0; state black_level in [camera], or add [darks], if it is not"
+    if first.dtype == "u2" and first.saturation_level is None and table.bit_depth is None:
+        yield f"counts are taken to be {camera.bit_depth} bits deep; state bit_depth in [camera] if they are not"
+    if first.dtype == "u2" and first.black_level is None and table.black_level is None:
+        yield "the black level is taken to be 0; state black_level in [camera], or add [darks], if it is not"
     stated = _stated_blacks(frames)
     if table.black_level is None and stated is not None and (np.ptp(stated, axis=0) > 0).any():
         yield f"the pictures state black levels from {stated.min():g} to {stated.max():g}; the medians are used"

@@ -31,7 +31,7 @@ class Surveyed:
         ``"u1"``, ``"u2"`` or ``"f4"``.
     any_bits : int
         Bits that are set in at least one pixel; 0 for floating-point numbers.
-    bayer_pattern, black_level, saturation_level
+    bayer_pattern, black_level, saturation_level, curve
         As in `Picture`.
     """
 
@@ -43,6 +43,7 @@ class Surveyed:
     bayer_pattern: str | None
     black_level: tuple[float, ...] | None
     saturation_level: float | None
+    curve: str
 
 
 def survey(paths: Collection[Path], watch: Watcher) -> tuple[dict[Path, Surveyed], dict[Path, str]]:
@@ -80,6 +81,7 @@ def _surveyed(picture: Picture, path: Path) -> Surveyed:
         bayer_pattern=picture.bayer_pattern,
         black_level=picture.black_level,
         saturation_level=picture.saturation_level,
+        curve=picture.curve,
     )
 
 

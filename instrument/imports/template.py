@@ -14,10 +14,7 @@ from instrument.imports.finder import natural_order
 from instrument.imports.survey import Surveyed, look_at
 from instrument.pictures.exif import Shot, read_shot
 from instrument.pictures.picture import UnreadablePictureError
-from instrument.pictures.reading import READERS, is_picture, is_raw
-
-# Of a folder that holds several kinds of the same pictures, the first of these is closest to the sensor.
-PREFERENCE = (".tif", ".tiff", ".exr", ".npy", ".png", ".jpg", ".jpeg")
+from instrument.pictures.reading import KNOWN_KINDS, READERS, VIDEO_REMEDY, VIDEO_SUFFIXES, is_picture, is_raw
 
 # mm across the diagonal of a frame of 36 x 24 mm, which focal lengths "in 35 mm film" refer to.
 DIAGONAL_35MM = 43.27
@@ -34,8 +31,8 @@ def capture_template(folder: Path) -> str:
     paths = _pictures(folder)
     title = f"No capture.toml was written for {folder}"
     if not paths:
-        known = ", ".join(READERS)
-        raise InvalidInputError(title, [Problem(str(folder), f"holds no picture; known are RAW files and {known}")])
+        problems = [Problem(str(folder), f"holds no picture; known are {KNOWN_KINDS}"), *_video_problems(folder)]
+        raise InvalidInputError(title, problems)
     try:
         first = look_at(paths[0])
     except UnreadablePictureError as error:
@@ -56,8 +53,14 @@ def _pictures(folder: Path) -> list[Path]:
     return sorted(kinds[best], key=lambda path: natural_order(path.relative_to(folder).as_posix())) if best else []
 
 
+def _video_problems(folder: Path) -> Iterator[Problem]:
+    for path in sorted(folder.iterdir()):
+        if path.suffix.lower() in VIDEO_SUFFIXES and not path.name.startswith("."):
+            yield Problem(path.name, VIDEO_REMEDY)
+
+
 def _rank(suffix: str) -> int:
-    return -1 if is_raw(Path(f"x{suffix}")) else PREFERENCE.index(suffix.lower())
+    return -1 if is_raw(Path(f"x{suffix}")) else list(READERS).index(suffix.lower())
 
 
 def _head(folder: Path, first: Surveyed) -> Iterator[str]:
@@ -78,11 +81,12 @@ def _focal_length(first: Surveyed) -> str:
 
 
 def _light(first: Surveyed) -> Iterator[str]:
-    if first.dtype != "u1":
+    if first.dtype != "u1" and not first.curve:
         yield "# linear = false  # if the counts are not proportional to light; then [response] is needed"
         return
+    why = "have 8 bits and are made for display" if first.dtype == "u1" else f"state {first.curve}"
     yield ""
-    yield "# The pictures have 8 bits and are made for display. Say by which curve: take one of the three lines below;"
+    yield f"# The pictures {why}. Say by which curve: take one of the three lines below;"
     yield "# or set linear = true and delete [response], if they are proportional to light."
     yield "linear = false"
     yield "[response]"

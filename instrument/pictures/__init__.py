@@ -1,1 +1,1 @@
-"""Single pictures: RAW, TIFF, PNG, JPEG, EXR and NumPy files as the counts that they hold."""
+"""Single pictures as the counts that they hold: RAW, TIFF, PNG, JPEG, HEIC, BMP, EXR, HDR, PFM and NumPy files."""
