@@ -2,16 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from analysis.export import map_folder
 from analysis.export.comparison import compare
-from analysis.export.map_folder import BITS, write_map_folder
-from analysis.export.maps import prepare
-from analysis.export.options import ExportOptions
+from analysis.export.maps import Prepared, SurfaceMaps, prepare
+from analysis.export.options import TITLE, ExportOptions, Normals
 from analysis.export.record import Record
-from analysis.export.textures import as_read, textures
+from analysis.export.scenes import gltf
+from analysis.export.scenes.materialx import write_materialx
+from analysis.export.scenes.mesh import mesh_of
+from analysis.export.scenes.mitsuba import write_mitsuba
+from analysis.export.scenes.usd import write_usd
+from analysis.export.textures import Textures, as_read, textures
 from analysis.results.result import Result
+from instrument.files.validation import InvalidInputError, Problem
 from instrument.files.whole_file import written_whole
+
+_BESIDE_MAPS: dict[str, Callable[[Path, str, Record], None]] = {
+    "maps": lambda folder, stem, record: None,
+    "materialx": write_materialx,
+    "usd": write_usd,
+    "mitsuba": write_mitsuba,
+}
+"""What a target adds to a folder of maps."""
+
+_NORMALS: dict[str, Normals] = {"maps": "both", "materialx": "opengl", "usd": "opengl", "mitsuba": "opengl"}
 
 
 def export(result: Result, output: Path | str, options: ExportOptions | None = None, source: str = "") -> Record:
@@ -21,7 +41,7 @@ def export(result: Result, output: Path | str, options: ExportOptions | None = N
     ----------
     result : Result
     output : Path or str
-        Folder or file to write; there must be nothing of that name.
+        Folder to write, of glTF a file; there must be nothing of that name.
     options : ExportOptions, optional
     source : str
         Name of the result's file, for the record.
@@ -34,16 +54,40 @@ def export(result: Result, output: Path | str, options: ExportOptions | None = N
     Raises
     ------
     InvalidInputError
-        If no pixel is solved, or the part or the resolution is not within the area.
+        If no pixel is solved, the part or the resolution is not within the area, or a name does not end as it should.
     FileExistsError
         If there is something at `output`.
     NotWrittenError
         If the disk or the folder does not take it.
     """
     options, output = options or ExportOptions(), Path(output)
+    _check_name(output, options)
     prepared = prepare(result, options.crop, options.resolution, options.white_reflectance)
-    written = textures(prepared.maps, BITS)
-    record = Record(prepared, written, compare(prepared, as_read(prepared.maps, written)), source)
+    if options.target == "gltf":
+        written = textures(prepared.maps, gltf.BITS)
+        record = _record(prepared, written, _as_shaped(prepared.maps, written, options.mesh), source)
+        with written_whole(output) as part:
+            gltf.write_gltf(part, output.stem, record, mesh_of(prepared.maps, options.mesh))
+        return record
+    written = textures(prepared.maps, map_folder.BITS)
+    record = _record(prepared, written, as_read(prepared.maps, written), source)
     with written_whole(output) as part:
-        write_map_folder(part, output.name, record, options.normals or "both")
+        map_folder.write_map_folder(part, output.name, record, options.normals or _NORMALS[options.target])
+        _BESIDE_MAPS[options.target](part, output.name, record)
     return record
+
+
+def _check_name(output: Path, options: ExportOptions) -> None:
+    if options.target == "gltf" and output.suffix.lower() != gltf.SUFFIX:
+        what = f"ends in {output.suffix!r}; glTF is written as one file that ends in {gltf.SUFFIX}"
+        raise InvalidInputError(TITLE, [Problem(str(output), what)])
+
+
+def _record(prepared: Prepared, written: Textures, read: SurfaceMaps, source: str) -> Record:
+    return Record(prepared, written, compare(prepared, read), source)
+
+
+def _as_shaped(maps: SurfaceMaps, written: Textures, mesh: int | None) -> SurfaceMaps:
+    """Return the maps as a file of glTF has them, whose heights are those of its vertices."""
+    height = np.zeros(maps.shape) if mesh is None else maps.displacement
+    return replace(as_read(maps, written), displacement=height)

@@ -298,7 +298,8 @@ def _at_roughness(
     surfaces = Surfaces(
         base_color=color,
         metallic=metallic,
-        f0=np.where(metallic < 1.0, F, 0.5 * MAX_DIELECTRIC_F0),
+        # Of a metal it says nothing, but some programs weigh metals by it too.
+        f0=np.where(metallic < 1.0, F, MAX_DIELECTRIC_F0),
         roughness=roughness,
         clearcoat=w,
         clearcoat_roughness=np.where(w > 0.0, coat_roughness, 0.0),

@@ -14,6 +14,9 @@ Array = NDArray[np.float64]
 MAX_DIELECTRIC_F0 = 0.08
 """Reflectance at normal incidence of the densest dielectric that renderers' sliders know: an index of 1.79."""
 
+MIN_ALPHA = 1e-3
+"""Of a lobe: a perfect mirror has no value."""
+
 COAT_F0 = 0.04
 """Of every clear coat: an index of 1.5."""
 
@@ -29,7 +32,7 @@ class Surfaces:
     metallic : ndarray, shape (P,)
         1 = metal, 0 = dielectric; between them a pixel that holds some of each.
     f0 : ndarray, shape (P,)
-        Reflectance at normal incidence of a dielectric, 0 to `MAX_DIELECTRIC_F0`.
+        Reflectance at normal incidence of a dielectric, 0 to `MAX_DIELECTRIC_F0`; the latter of a metal.
     roughness : ndarray, shape (P,)
         alpha = roughness squared.
     clearcoat, clearcoat_roughness : ndarray, shape (P,)
@@ -66,7 +69,7 @@ def ggx(cosines: Cosines, alpha: Array) -> Array:
     ----------
     D: [walter2007]_, eq. 33; G: [heitz2014]_, eq. 99, as glTF's viewers have it.
     """
-    a2 = alpha**2
+    a2 = np.maximum(alpha, MIN_ALPHA) ** 2
     c, x_i, x_o = cosines.n_dot_h, cosines.n_dot_l, cosines.n_dot_v
     D = a2 / (np.pi * (c**2 * (a2 - 1.0) + 1.0) ** 2)
     Lambda = x_i * np.sqrt(a2 + (1.0 - a2) * x_o**2) + x_o * np.sqrt(a2 + (1.0 - a2) * x_i**2)

@@ -143,6 +143,6 @@ def _levelled(surfaces: Surfaces, ratio: Array) -> tuple[Surfaces, NDArray[np.bo
     """
     wanted = surfaces.base_color * ratio
     f0 = np.minimum(surfaces.f0 * ratio.mean(axis=1), MAX_DIELECTRIC_F0)
-    f0 = np.where(surfaces.metallic > 0.0, surfaces.f0, f0)
+    f0 = np.where(surfaces.metallic == 1.0, surfaces.f0, f0)
     clipped = np.asarray((wanted > 1.0 + 1e-6).any(axis=1) | (surfaces.base_color >= 1.0).any(axis=1))
     return replace(surfaces, base_color=np.clip(wanted, 0.0, 1.0), f0=f0), clipped

@@ -17,7 +17,8 @@ from instrument.pictures.srgb import linear_from_srgb, srgb_from_linear
 
 Array = NDArray[np.float64]
 
-Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+Pixels = NDArray[np.unsignedinteger[Any]]
+"""Of 8 or 16 bits."""
 
 FLIP_GREEN = np.array([1.0, -1.0, 1.0])
 """From the sample frame's normals, which are OpenGL's, to DirectX's."""
@@ -114,8 +115,9 @@ def as_read(maps: SurfaceMaps, written: Textures) -> SurfaceMaps:
 
 
 def png(pixels: Pixels, size_mm: tuple[float, float]) -> bytes:
-    """Encode pixels (H, W) or (H, W, 3), with the size that they have on the sample in its chunk pHYs."""
-    ordered: NDArray[Any] = pixels if pixels.ndim == 2 else np.ascontiguousarray(pixels[..., ::-1])
+    """Encode pixels (H, W), (H, W, 3) or with opacity (H, W, 4), with their size on the sample in its chunk pHYs."""
+    # OpenCV has blue first.
+    ordered: NDArray[Any] = pixels if pixels.ndim == 2 else pixels[..., [2, 1, 0, 3][: pixels.shape[2]]]
     done, encoded = cv2.imencode(".png", ordered)
     assert done, "OpenCV encodes any array of 8 or 16 bits"
     data = encoded.tobytes()
