@@ -111,11 +111,11 @@ def export(result: Path, output: Path, **choices: Any) -> None:
     """Write a RESULT as maps or as a scene for renderers (docs/export.md), and tell how true pictures of it are."""
     options = ExportOptions(**choices)
     check_new(output)
-    from analysis.export.export import export as write
+    from analysis.export.export import export_result
     from analysis.export.record import record_text
     from analysis.results.result_file import open_result
 
-    record = write(open_result(result), output, options, result.name)
+    record = export_result(open_result(result), output, options, result.name)
     click.echo(f"{output}\n{record_text(record)}")
 
 

@@ -11,7 +11,6 @@ from analysis.drawing.colour_difference import ciede2000, lab_from_srgb
 from analysis.drawing.colours import display_colours
 from analysis.export.maps import Prepared, SurfaceMaps, resized
 from analysis.export.microfacet import evaluate
-from analysis.pixels.problem import tiles
 from analysis.reflectance.models import Cosines
 
 Array = NDArray[np.float64]
@@ -22,6 +21,8 @@ ANGLES_DEG = ((0.0, 0.0), (0.0, 20.0), (0.0, 40.0), (0.0, 60.0), (30.0, 60.0))
 _AZIMUTH_DEG = 30.0  # neither along rows nor along columns, so that either one turned round shows
 
 _DISTANCE = 5.0  # times the longer side
+
+_MAX_PIXELS = 200_000  # about: of a larger area, every second or third and so on tells the same
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +53,9 @@ def compare(prepared: Prepared, written: SurfaceMaps) -> tuple[ViewError, ...]:
     written : SurfaceMaps
         The maps as a file holds them.
     """
-    return tuple(_view_error(prepared, written, camera, light) for camera, light in ANGLES_DEG)
+    solved = np.flatnonzero(written.solved)
+    pixels = solved[:: max(len(solved) // _MAX_PIXELS, 1)]
+    return tuple(_view_error(prepared, written, pixels, camera, light) for camera, light in ANGLES_DEG)
 
 
 def position(angle_deg: float, size_mm: tuple[float, float]) -> Array:
@@ -62,38 +65,44 @@ def position(angle_deg: float, size_mm: tuple[float, float]) -> Array:
     return _DISTANCE * max(size_mm) * direction
 
 
-def render(prepared: Prepared, camera: Array, light: Array) -> Array:
-    """Return the project's own picture on the grid of the maps, times the scale; NaN where unsolved, (H, W, 3)."""
-    picture = prepared.scale.factor * prepared.result.render(camera, light)
-    picture = np.broadcast_to(picture, (*picture.shape[:2], 3))
-    height, width = prepared.maps.shape
-    if picture.shape[:2] == (height, width):
-        return np.asarray(picture)
-    known = np.isfinite(picture).astype(np.float64)
-    share = resized(known, (width, height))
+def render(prepared: Prepared, pixels: NDArray[np.int64], camera: Array, light: Array) -> Array:
+    """Return the project's own picture, times the scale, of some pixels of the maps, shape (N, 3); NaN if unsolved."""
+    result, maps = prepared.result, prepared.maps
+    if maps.shape == (result.grid.height, result.grid.width):
+        points = result.grid.points_of(pixels, np.nan_to_num(result.depth))
+        picture = result.fits.select(pixels).radiance(points, camera, light)
+    else:
+        picture = _averaged(result.render(camera, light), maps.shape)[pixels]
+    return np.asarray(np.broadcast_to(prepared.scale.factor * picture, (len(pixels), 3)))
+
+
+def _averaged(picture: Array, shape: tuple[int, int]) -> Array:
+    """Return the mean over what is known of a picture within each pixel of a coarser one, in reading order."""
+    height, width = shape
+    share = resized(np.isfinite(picture).astype(np.float64), (width, height))
     total = resized(np.nan_to_num(picture), (width, height))
-    return np.where(share >= 0.5, total / np.where(share > 0.0, share, 1.0), np.nan)
+    mean = np.where(share >= 0.5, total / np.where(share > 0.0, share, 1.0), np.nan)
+    return mean.reshape(-1, picture.shape[-1])
 
 
-def shade(maps: SurfaceMaps, camera: Array, light: Array) -> Array:
-    """Return the picture of maps by the portable model's formulas, shape (H, W, 3), as `Result.render` does its own."""
-    points, normals = maps.points().reshape(-1, 3), maps.normals.reshape(-1, 3)
-    pictures = []
-    for tile in tiles(np.arange(len(points))):
-        to_light, to_camera = light - points[tile], camera - points[tile]
-        d2 = np.sum(to_light**2, axis=-1)
-        omega_i = to_light / np.sqrt(d2)[:, None]
-        omega_o = to_camera / np.linalg.norm(to_camera, axis=-1, keepdims=True)
-        n_dot_l, n_dot_v = (np.sum(normals[tile] * omega, axis=-1) for omega in (omega_i, omega_o))
-        lit = np.where(n_dot_v > 0.0, np.maximum(n_dot_l, 0.0), 0.0) / d2
-        f = evaluate(maps.surfaces.select(tile), Cosines.from_directions(normals[tile], omega_i, omega_o))
-        pictures.append(f * lit[:, None])
-    return np.concatenate(pictures).reshape(*maps.shape, 3)
+def shade(maps: SurfaceMaps, pixels: NDArray[np.int64], camera: Array, light: Array) -> Array:
+    """Return the picture of some pixels by the portable model's formulas, (N, 3), as `Result.render` makes its own."""
+    points, normals = maps.points().reshape(-1, 3)[pixels], maps.normals.reshape(-1, 3)[pixels]
+    to_light, to_camera = light - points, camera - points
+    d2 = np.sum(to_light**2, axis=-1)
+    omega_i = to_light / np.sqrt(d2)[:, None]
+    omega_o = to_camera / np.linalg.norm(to_camera, axis=-1, keepdims=True)
+    n_dot_l, n_dot_v = (np.sum(normals * omega, axis=-1) for omega in (omega_i, omega_o))
+    lit = np.where(n_dot_v > 0.0, np.maximum(n_dot_l, 0.0), 0.0) / d2
+    f = evaluate(maps.surfaces.select(pixels), Cosines.from_directions(normals, omega_i, omega_o))
+    return np.asarray(f * lit[:, None])
 
 
-def _view_error(prepared: Prepared, written: SurfaceMaps, camera_deg: float, light_deg: float) -> ViewError:
+def _view_error(
+    prepared: Prepared, written: SurfaceMaps, pixels: NDArray[np.int64], camera_deg: float, light_deg: float
+) -> ViewError:
     camera, light = position(-camera_deg, written.size_mm), position(light_deg, written.size_mm)
-    expected, found = render(prepared, camera, light), shade(written, camera, light)
+    expected, found = render(prepared, pixels, camera, light), shade(written, pixels, camera, light)
     known = np.isfinite(expected).all(axis=-1)
     white = float(np.percentile(expected[known], 99.0))
     first, second = (display_colours(picture[known], white) for picture in (expected, found))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -31,10 +32,13 @@ _BESIDE_MAPS: dict[str, Callable[[Path, str, Record], None]] = {
 }
 """What a target adds to a folder of maps."""
 
+_UNSAFE = re.compile(r"[^\w.-]")
+"""What stands for something else in one of the formats, in a name."""
+
 _NORMALS: dict[str, Normals] = {"maps": "both", "materialx": "opengl", "usd": "opengl", "mitsuba": "opengl"}
 
 
-def export(result: Result, output: Path | str, options: ExportOptions | None = None, source: str = "") -> Record:
+def export_result(result: Result, output: Path | str, options: ExportOptions | None = None, source: str = "") -> Record:
     """Write a result as maps or as a scene, and measure how far pictures of it are from the result's own.
 
     Parameters
@@ -61,7 +65,7 @@ def export(result: Result, output: Path | str, options: ExportOptions | None = N
         If the disk or the folder does not take it.
     """
     options, output = options or ExportOptions(), Path(output)
-    _check_name(output, options)
+    _check(result, output, options)
     prepared = prepare(result, options.crop, options.resolution, options.white_reflectance)
     if options.target == "gltf":
         written = textures(prepared.maps, gltf.BITS)
@@ -71,13 +75,16 @@ def export(result: Result, output: Path | str, options: ExportOptions | None = N
         return record
     written = textures(prepared.maps, map_folder.BITS)
     record = _record(prepared, written, as_read(prepared.maps, written), source)
+    stem = _UNSAFE.sub("_", output.name)
     with written_whole(output) as part:
-        map_folder.write_map_folder(part, output.name, record, options.normals or _NORMALS[options.target])
-        _BESIDE_MAPS[options.target](part, output.name, record)
+        map_folder.write_map_folder(part, stem, record, options.normals or _NORMALS[options.target])
+        _BESIDE_MAPS[options.target](part, stem, record)
     return record
 
 
-def _check_name(output: Path, options: ExportOptions) -> None:
+def _check(result: Result, output: Path, options: ExportOptions) -> None:
+    if options.mesh is not None and not np.isfinite(result.depth).any():
+        raise InvalidInputError(TITLE, [Problem("--mesh", "needs heights, and the result has no depth: leave it away")])
     if options.target == "gltf" and output.suffix.lower() != gltf.SUFFIX:
         what = f"ends in {output.suffix!r}; glTF is written as one file that ends in {gltf.SUFFIX}"
         raise InvalidInputError(TITLE, [Problem(str(output), what)])

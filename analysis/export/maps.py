@@ -130,14 +130,14 @@ def prepare(
         If no pixel is solved, the part is not within the area, or there are fewer pixels than the resolution.
     """
     _check(result, crop, resolution)
-    whole = np.flatnonzero(np.isfinite(result.fits.normals[:, 0]))
-    scale = reflectance_scale(result, result.fits.select(whole), white_reflectance)
     part = result if crop is None else cropped(result, crop)
     solved = np.isfinite(part.fits.normals[:, 0])
     if not solved.any():
         raise InvalidInputError(TITLE, [Problem("result", "no pixel of it is solved; choose another part or result")])
-    found = pixel_surfaces(part.fits.select(np.flatnonzero(solved)), scale.factor)
-    maps = _maps(part, found, solved)
+    scale = reflectance_scale(result, white_reflectance)
+    fits = part.fits if solved.all() else part.fits.select(np.flatnonzero(solved))
+    found = pixel_surfaces(fits, scale.factor)
+    maps = _maps(part, fits, found, solved)
     if resolution is not None:
         maps = _averaged(maps, resolution)
     return Prepared(part, maps, scale, _counts(found, solved))
@@ -170,30 +170,35 @@ def cropped(result: Result, crop: Crop) -> Result:
     )
 
 
-def _maps(result: Result, found: PixelSurfaces, solved: NDArray[np.bool_]) -> SurfaceMaps:
+def _maps(result: Result, fits: PixelFits, found: PixelSurfaces, solved: NDArray[np.bool_]) -> SurfaceMaps:
     """Put the surfaces of the solved pixels onto the grid."""
     grid = result.grid
     at = solved.reshape(grid.height, grid.width)
     nearest = distance_transform_edt(~at, return_distances=False, return_indices=True)
     flat = nearest[0] * grid.width + nearest[1]
     number = np.cumsum(solved) - 1
-    known = np.isfinite(result.depth) & at
-    depth = np.where(known, result.depth - (result.depth[known].mean() if known.any() else 0.0), 0.0)
-    depth = depth[tuple(nearest)]
     normals = np.where(at[..., None], result.normals, np.array([0.0, 0.0, 1.0]))
     shares = np.zeros((len(solved), 0))
     if found.in_palette.any():
-        of_solved = material_shares(result.fits.select(np.flatnonzero(solved)), found.in_palette)
-        shares = of_solved[number[flat.ravel()]]
+        shares = material_shares(fits, found.in_palette)[number[flat.ravel()]]
     return SurfaceMaps(
         size_mm=(grid.width * grid.pitch, grid.height * grid.pitch),
         surfaces=found.surfaces.select(number[flat.ravel()]),
         normals=normals,
-        displacement=depth,
+        displacement=_heights(result.depth, at),
         normal_sigma_deg=np.where(at, np.rad2deg(result.as_map(result.fits.normal_sigma)), np.nan),
         material_shares=shares.reshape(grid.height, grid.width, -1),
         solved=at,
     )
+
+
+def _heights(depth: Array, solved: NDArray[np.bool_]) -> Array:
+    """Return the heights about their mean, where unknown the nearest one that is known; 0 without any."""
+    known = np.isfinite(depth) & solved
+    if not known.any():
+        return np.zeros(depth.shape)
+    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return np.asarray((depth - depth[known].mean())[tuple(nearest)])
 
 
 def material_shares(fits: PixelFits, in_palette: NDArray[np.bool_]) -> Array:

@@ -68,6 +68,12 @@ class Record:
         }
 
 
+def _heights_text(record: Record) -> str:
+    if not np.isfinite(record.prepared.result.depth).any():
+        return "none: the result has no depth"
+    return f"0.5 is the mean plane, the range is +- {record.textures.displacement_range_mm:.4g} mm"
+
+
 def _source(stack: SourceFile) -> dict[str, str]:
     return {"file": stack.file, "sha256": stack.sha256}
 
@@ -79,7 +85,7 @@ def record_text(record: Record) -> str:
     lines = [
         f"size        {maps.size_mm[0]:.6g} x {maps.size_mm[1]:.6g} mm, {width} x {height} pixels",
         f"scale       {scale.factor:.4g} ({scale.reason})",
-        f"heights     0.5 is the mean plane, the range is +- {record.textures.displacement_range_mm:.4g} mm",
+        f"heights     {_heights_text(record)}",
         f"pixels      {counts.n_pixels}: {counts.n_unsolved} not solved (see the mask), "
         f"{counts.n_outside_palette} outside the palette, {counts.n_clipped} with a colour clipped to 1",
         f"fit         {counts.fit_error_median:.1%} of the BRDF (median), {counts.fit_error_p95:.1%} (95 %)",

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.pixels.fits import PixelFits
 from analysis.pixels.problem import tiles
 from analysis.results.result import Result, diffuse_albedo
 
@@ -32,14 +31,12 @@ class Scale:
     reason: str
 
 
-def reflectance_scale(result: Result, fits: PixelFits, white_reflectance: float | None) -> Scale:
+def reflectance_scale(result: Result, white_reflectance: float | None) -> Scale:
     """Return the scale of a result.
 
     Parameters
     ----------
     result : Result
-    fits : PixelFits
-        Its solved pixels.
     white_reflectance : float or None
         Of what the result takes for 1: the white of the boards in a calibrated session.
     """
@@ -48,8 +45,10 @@ def reflectance_scale(result: Result, fits: PixelFits, white_reflectance: float 
     if result.summary.calibration is not None:
         text = f"reflectance of white paper taken for {PAPER_REFLECTANCE:g}; --white-reflectance says otherwise"
         return Scale(PAPER_REFLECTANCE, text)
-    parts = [diffuse_albedo(fits.select(tile)).max(axis=1) for tile in tiles(np.arange(len(fits.normals)))]
-    bright = float(np.percentile(np.concatenate(parts), 99.0)) if parts else 0.0
+    parts = [
+        diffuse_albedo(result.fits.select(tile)).max(axis=1) for tile in tiles(np.arange(len(result.fits.normals)))
+    ]
+    bright = float(np.nanpercentile(np.concatenate(parts), 99.0))
     text = (
         f"no white known: 99 % of the albedo made to stay below {BRIGHT_ALBEDO:g}; --white-reflectance says otherwise"
     )

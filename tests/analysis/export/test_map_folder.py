@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -12,9 +14,12 @@ import OpenEXR
 import pytest
 
 from analysis.export.comparison import position
-from analysis.export.export import export
+from analysis.export.export import export_result
 from analysis.export.options import ExportOptions
+from analysis.export.record import record_text
 from analysis.results.result import Result
+from instrument.files.validation import InvalidInputError
+from instrument.files.whole_file import NotWrittenError
 from instrument.pictures.srgb import linear_from_srgb
 from tests.analysis.export.gltf_shading import Surface, gltf_picture, psnr
 from tests.analysis.export.scene import PITCH, SIZE, small_result
@@ -32,7 +37,7 @@ def result() -> Result:
 @pytest.fixture(scope="module")
 def folder(result: Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("export") / "area"
-    export(result, made, WHITE, "area.result.h5")
+    export_result(result, made, WHITE, "area.result.h5")
     return made
 
 
@@ -157,6 +162,40 @@ def test_the_readme_names_every_map(folder: Path):
 
 
 def test_one_kind_of_normals_is_enough_for_some(result: Result, tmp_path: Path):
-    export(result, tmp_path / "unreal", ExportOptions(normals="directx", white_reflectance=1.0, resolution=10))
+    export_result(result, tmp_path / "unreal", ExportOptions(normals="directx", white_reflectance=1.0, resolution=10))
     assert (tmp_path / "unreal/unreal_NormalDX.png").exists()
     assert not (tmp_path / "unreal/unreal_NormalGL.png").exists()
+
+
+def test_a_result_without_depth_is_flat_and_says_so(result: Result, tmp_path: Path):
+    without = replace(result, depth=np.full_like(result.depth, np.nan))
+    record = export_result(without, tmp_path / "flat", WHITE)
+    assert "heights     none: the result has no depth" in record_text(record)
+    assert not read_exr(tmp_path / "flat/flat_Displacement.exr")["Y"].any()
+    with pytest.raises(InvalidInputError, match="--mesh: needs heights, and the result has no depth"):
+        export_result(without, tmp_path / "flat.glb", ExportOptions(target="gltf", mesh=9))
+
+
+def test_one_channel_makes_grey_maps(result: Result, tmp_path: Path):
+    fits = replace(result.fits, atom=result.fits.atom[:, :1], coefficient=result.fits.coefficient[:, :1])
+    fits = replace(fits, dictionary=replace(fits.dictionary, name="parametric"))
+    grey = export_result(replace(result, fits=fits), tmp_path / "grey", ExportOptions(white_reflectance=1.0))
+    color = grey.prepared.maps.surfaces.base_color
+    np.testing.assert_array_equal(color[:, 0], color[:, 2])
+    assert grey.errors[0].psnr_db > 35.0
+
+
+def test_names_that_a_format_would_take_for_its_own_are_made_harmless(result: Result, tmp_path: Path):
+    export_result(result, tmp_path / "a {b}@c", ExportOptions(target="usd", white_reflectance=1.0, resolution=10))
+    assert (tmp_path / "a {b}@c/a__b__c_Color.png").exists()
+    assert "@./a__b__c_Color.png@" in (tmp_path / "a {b}@c/a__b__c.usda").read_text()
+
+
+def test_nothing_is_left_of_an_export_that_fails(result: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("analysis.export.map_folder.write_exr", full)
+    with pytest.raises(NotWrittenError, match="maps is not written: disk full"):
+        export_result(result, tmp_path / "maps", WHITE)
+    assert list(tmp_path.iterdir()) == []

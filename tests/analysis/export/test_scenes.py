@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from analysis.export.comparison import position
-from analysis.export.export import export
+from analysis.export.export import export_result
 from analysis.export.options import ExportOptions, Target
 from analysis.results.result import Result
 from instrument.files.validation import InvalidInputError
@@ -38,7 +38,7 @@ def result() -> Result:
 
 
 def exported(result: Result, path: Path, target: Target, **choices: Any) -> Path:
-    export(result, path, ExportOptions(target=target, white_reflectance=1.0, **choices), "area.result.h5")
+    export_result(result, path, ExportOptions(target=target, white_reflectance=1.0, **choices), "area.result.h5")
     return path
 
 
