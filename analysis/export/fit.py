@@ -7,10 +7,12 @@ plain least squares is 2 to 7 dB worse in pictures.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +20,8 @@ from numpy.typing import NDArray
 from analysis.export.microfacet import COAT_F0, MAX_DIELECTRIC_F0, Surfaces, ggx, joined, schlick
 from analysis.reflectance.models import Cosines, cosines_from_angles
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
+"""Curves and what is made of them have 32 bits: it is the search that takes time, and colours need no more."""
 
 ROUGHNESS = np.geomspace(0.06, 1.0, 48)
 """Grid of roughness that is searched; the best lies between its nodes by a parabola."""
@@ -45,7 +48,8 @@ _MAX_THETA_H_DEG = 65.0
 _THETA_D_DEG = np.array([0.0, 7.5, 15.0, 22.5, 30.0, 45.0])
 _FALL_DEG = 15.0  # over theta_d: beyond the slice the curves are extrapolated, and more so the farther
 _FLOOR = 0.1  # of the mean: below it errors no longer count relative to the value
-_TILE = 2048
+_BLACK = 1e-6  # 1/sr; a floor below it tells nothing, and its square leaves what 32 bits hold
+_TILE = 1024
 _ROUNDS = 4  # of weight and rest by turns
 _COARSE = slice(1, None, 3)  # of the grid, for pairs of lobes
 
@@ -114,9 +118,14 @@ def fit_surfaces(curves: Callable[[NDArray[np.int64]], Array], n: int) -> tuple[
     error : ndarray, shape (n,)
         Root of the weighted mean of the squared error relative to the value.
     """
-    parts = [_fit_tile(curves(np.arange(first, min(first + _TILE, n)))) for first in range(0, n, _TILE)]
-    if not parts:
+
+    def fit_from(first: int) -> tuple[Surfaces, Array]:
+        return _fit_tile(curves(np.arange(first, min(first + _TILE, n))))
+
+    if n == 0:
         return Surfaces(np.zeros((0, 3)), *(np.zeros(0) for _ in range(5))), np.zeros(0)
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        parts = list(pool.map(fit_from, range(0, n, _TILE)))
     return joined([surfaces for surfaces, _ in parts]), np.concatenate([error for _, error in parts])
 
 
@@ -136,7 +145,7 @@ def _basis(roughness: Array) -> _Basis:
     cosines = comparison_samples().cosines
     s = schlick(cosines.cos_d)
     lobe = ggx(cosines, roughness[:, None] ** 2)
-    return _Basis((1.0 - s) / np.pi, (1.0 - s) * lobe, s * lobe)
+    return _Basis(*(a.astype(np.float32) for a in ((1.0 - s) / np.pi, (1.0 - s) * lobe, s * lobe)))
 
 
 def _coat_basis(roughness: Array) -> Array:
@@ -146,10 +155,10 @@ def _coat_basis(roughness: Array) -> Array:
 
 def _fit_tile(f: Array) -> tuple[Surfaces, Array]:
     """Fit surfaces to curves of shape (P, S, 3)."""
-    f = np.ascontiguousarray(f.transpose(0, 2, 1))
+    f = np.ascontiguousarray(f.transpose(0, 2, 1), np.float32)
     # One floor for the channels together: a channel that is nearly black is nothing anybody sees.
     floor = _FLOOR * np.mean(f, axis=(1, 2))[:, None, None]
-    W = comparison_samples().weight / (f + np.maximum(floor, 1e-12)) ** 2 / 3.0
+    W = comparison_samples().weight.astype(np.float32) / (f + np.maximum(floor, _BLACK)) ** 2 / 3.0
     m = _moments(f, W, _basis(ROUGHNESS))
     surfaces, cost = _one_lobe(f, W, m)
     tried = np.flatnonzero(cost > GOOD_ENOUGH**2)
