@@ -98,13 +98,18 @@ def render(result: Path, camera: str, light: str, light_power: float, output: Pa
     click.echo(f"{output}: {radiance.shape[1]} x {radiance.shape[0]} pixels")
 
 
+_TO = "What to write; all but gltf is a folder of maps."
+_WHITE = "Reflectance of the white that the result takes for 1."
+_CROP = "A part of the area, pixels from the top left."
+
+
 @click.command(epilog="Example: halfangle export area.result.h5 --to gltf -o area.glb")
 @click.argument("result", type=FILE)
-@click.option("--to", "target", type=click.Choice(get_args(Target)), default="maps", show_default=True, help="Form.")
+@click.option("--to", "target", type=click.Choice(get_args(Target)), default="maps", show_default=True, help=_TO)
 @click.option("-o", "--output", type=PATH, required=True, help="Folder to write; for gltf a file that ends in .glb.")
 @click.option("--normals", type=click.Choice(get_args(Normals)), help="Which normal maps.  [default: both]")
-@click.option("--white-reflectance", type=FiniteRange(0.0, min_open=True), help="Of what the result takes for 1.")
-@click.option("--crop", metavar="X,Y,W,H", callback=lambda _c, _p, text: text and parse_crop(text), help="Pixels.")
+@click.option("--white-reflectance", type=FiniteRange(0.0, min_open=True), help=_WHITE)
+@click.option("--crop", metavar="X,Y,W,H", callback=lambda _c, _p, text: text and parse_crop(text), help=_CROP)
 @click.option("--resolution", type=click.IntRange(1), help="Pixels of the longer side; maps are averaged.")
 @click.option("--mesh", type=click.IntRange(1), help="For gltf: a displaced mesh of so many cells, not a plane.")
 def export(result: Path, output: Path, **choices: Any) -> None:

@@ -16,26 +16,35 @@ from analysis.export.options import TITLE, ExportOptions, Normals
 from analysis.export.record import Record
 from analysis.export.scenes import gltf
 from analysis.export.scenes.materialx import write_materialx
+from analysis.export.scenes.merl import write_merl_tables
 from analysis.export.scenes.mesh import mesh_of
 from analysis.export.scenes.mitsuba import write_mitsuba
 from analysis.export.scenes.usd import write_usd
 from analysis.export.textures import Textures, as_read, textures
+from analysis.reflectance.palette import PALETTE
 from analysis.results.result import Result
 from instrument.files.validation import InvalidInputError, Problem
 from instrument.files.whole_file import written_whole
 
-_BESIDE_MAPS: dict[str, Callable[[Path, str, Record], None]] = {
-    "maps": lambda folder, stem, record: None,
+_BESIDE_MAPS: dict[str, Callable[[Path, str, Record], dict[str, str]]] = {
+    "maps": lambda folder, stem, record: {},
     "materialx": write_materialx,
     "usd": write_usd,
     "mitsuba": write_mitsuba,
+    "merl": write_merl_tables,
 }
 """What a target adds to a folder of maps."""
 
 _UNSAFE = re.compile(r"[^\w.-]")
 """What stands for something else in one of the formats, in a name."""
 
-_NORMALS: dict[str, Normals] = {"maps": "both", "materialx": "opengl", "usd": "opengl", "mitsuba": "opengl"}
+_NORMALS: dict[str, Normals] = {
+    "maps": "both",
+    "materialx": "opengl",
+    "usd": "opengl",
+    "mitsuba": "opengl",
+    "merl": "both",
+}
 
 
 def export_result(result: Result, output: Path | str, options: ExportOptions | None = None, source: str = "") -> Record:
@@ -78,13 +87,16 @@ def export_result(result: Result, output: Path | str, options: ExportOptions | N
     stem = _UNSAFE.sub("_", output.name)
     with written_whole(output) as part:
         map_folder.write_map_folder(part, stem, record, options.normals or _NORMALS[options.target])
-        _BESIDE_MAPS[options.target](part, stem, record)
+        map_folder.add_to_readme(part, _BESIDE_MAPS[options.target](part, stem, record))
     return record
 
 
 def _check(result: Result, output: Path, options: ExportOptions) -> None:
     if options.mesh is not None and not np.isfinite(result.depth).any():
         raise InvalidInputError(TITLE, [Problem("--mesh", "needs heights, and the result has no depth: leave it away")])
+    if options.target == "merl" and result.fits.dictionary.name != PALETTE:
+        what = "has no palette, whose materials are written; reconstruct it with --palette on"
+        raise InvalidInputError(TITLE, [Problem("result", what)])
     if options.target == "gltf" and output.suffix.lower() != gltf.SUFFIX:
         what = f"ends in {output.suffix!r}; glTF is written as one file that ends in {gltf.SUFFIX}"
         raise InvalidInputError(TITLE, [Problem(str(output), what)])

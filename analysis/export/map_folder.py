@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 BITS = 16
 
+_README_NAME = "README.md"
+
 
 class _Map(NamedTuple):
     name: str
@@ -56,7 +58,15 @@ def write_map_folder(folder: Path, stem: str, record: Record, normals: Normals) 
         table.append(("MaterialWeights", "EXR only: a channel for each of the palette's materials, its share; sum 1"))
     figures = {**record.as_dict(), "maps": {f"{stem}_{name}": meaning for name, meaning in table}}
     (folder / "export.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    (folder / "README.md").write_text(_readme(stem, table, record), encoding="utf-8")
+    (folder / _README_NAME).write_text(_readme(stem, table, record), encoding="utf-8")
+
+
+def add_to_readme(folder: Path, files: dict[str, str]) -> None:
+    """Name files that stand beside the maps in their README."""
+    if files:
+        table = "".join(f"| `{name}` | {meaning} |\n" for name, meaning in files.items())
+        with (folder / _README_NAME).open("a", encoding="utf-8") as file:
+            file.write(f"\n| beside the maps | |\n|---|---|\n{table}")
 
 
 def _maps(maps: SurfaceMaps, written: Textures, normals: Normals) -> Iterator[_Map]:

@@ -27,7 +27,7 @@ class Crop:
     height: int
 
 
-Target = Literal["maps", "gltf", "materialx", "usd", "mitsuba"]
+Target = Literal["maps", "gltf", "materialx", "usd", "mitsuba", "merl"]
 
 Normals = Literal["opengl", "directx", "both"]
 

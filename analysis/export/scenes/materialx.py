@@ -25,7 +25,7 @@ _IMAGES = {
 }
 
 
-def write_materialx(folder: Path, stem: str, record: Record) -> None:
+def write_materialx(folder: Path, stem: str, record: Record) -> dict[str, str]:
     """Write `<stem>.mtlx` into a folder of maps.
 
     Parameters
@@ -34,6 +34,11 @@ def write_materialx(folder: Path, stem: str, record: Record) -> None:
     stem : str
         What the maps' names begin with.
     record : Record
+
+    Returns
+    -------
+    dict of str to str
+        What each file is, by its name.
     """
     root = Element("materialx", version=VERSION, colorspace="lin_rec709")
     graph = SubElement(root, "nodegraph", name="maps")
@@ -65,6 +70,7 @@ def write_materialx(folder: Path, stem: str, record: Record) -> None:
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode", xml_declaration=True)
     (folder / f"{stem}.mtlx").write_text(text + "\n", encoding="utf-8")
+    return {f"{stem}.mtlx": "MaterialX: `material_open_pbr` and `material_standard_surface`"}
 
 
 def _open_pbr(root: Element, *, coated: bool) -> None:

@@ -16,7 +16,7 @@ from instrument.pictures.srgb import srgb_from_linear
 _DISTANCE = 5.0  # of camera and light, times the longer side
 
 
-def write_mitsuba(folder: Path, stem: str, record: Record) -> None:
+def write_mitsuba(folder: Path, stem: str, record: Record) -> dict[str, str]:
     """Write `<stem>.xml` into a folder of maps.
 
     The principled BSDF has one strength of its specular lobe for all pixels, of metals as well: two of them, without a
@@ -29,6 +29,11 @@ def write_mitsuba(folder: Path, stem: str, record: Record) -> None:
     stem : str
         What the maps' names begin with.
     record : Record
+
+    Returns
+    -------
+    dict of str to str
+        What each file is, by its name.
     """
     maps = record.prepared.maps
     width, height = maps.size_mm
@@ -62,6 +67,11 @@ def write_mitsuba(folder: Path, stem: str, record: Record) -> None:
     ET.indent(scene)
     text = ET.tostring(scene, encoding="unicode", xml_declaration=True)
     (folder / f"{stem}.xml").write_text(text + "\n", encoding="utf-8")
+    return {
+        f"{stem}.xml": "Mitsuba 3: a rectangle in mm, a camera and a point light",
+        f"{stem}_SpecularWeight.png": "raw; as Specular, 1 for metals",
+        f"{stem}_DimmedColor.png": "sRGB; Color times 1 - F0",
+    }
 
 
 def _write_own_maps(folder: Path, stem: str, maps: SurfaceMaps) -> None:

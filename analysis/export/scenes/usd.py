@@ -17,7 +17,7 @@ METRES_PER_UNIT = 0.001
 """Lengths are in mm, as everywhere in a result."""
 
 
-def write_usd(folder: Path, stem: str, record: Record) -> None:
+def write_usd(folder: Path, stem: str, record: Record) -> dict[str, str]:
     """Write `<stem>.usda` into a folder of maps, and a map of indices of refraction, which say F0 in it.
 
     Parameters
@@ -26,6 +26,11 @@ def write_usd(folder: Path, stem: str, record: Record) -> None:
     stem : str
         What the maps' names begin with.
     record : Record
+
+    Returns
+    -------
+    dict of str to str
+        What each file is, by its name.
     """
     maps, height = record.prepared.maps, record.textures.displacement_range_mm
     root = np.sqrt(maps.surfaces.f0.reshape(maps.shape))
@@ -58,6 +63,10 @@ def write_usd(folder: Path, stem: str, record: Record) -> None:
         textures="\n".join(shader.format(name=name) for name, (_, shader) in inputs.items()),
     )
     (folder / f"{stem}.usda").write_text(text, encoding="utf-8")
+    return {
+        f"{stem}.usda": "USD: a plane in mm with UsdPreviewSurface",
+        f"{stem}_Ior.png": f"raw; index of refraction, 0 is 1 and 1 is {IOR:.6g}",
+    }
 
 
 def _identifier(text: str) -> str:

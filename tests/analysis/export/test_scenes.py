@@ -6,6 +6,7 @@ import json
 import shutil
 import struct
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -17,11 +18,14 @@ import pytest
 from analysis.export.comparison import position
 from analysis.export.export import export_result
 from analysis.export.options import ExportOptions, Target
+from analysis.reflectance.dictionary import parametric
+from analysis.reflectance.merl import SCALES, cell_angles, read_merl
+from analysis.reflectance.models import cosines_from_angles
 from analysis.results.result import Result
 from instrument.files.validation import InvalidInputError
 from instrument.pictures.srgb import linear_from_srgb
 from tests.analysis.export.gltf_shading import Surface, gltf_picture, psnr
-from tests.analysis.export.scene import PITCH, SIZE, small_result
+from tests.analysis.export.scene import GOLD, PITCH, SIZE, atoms, material_map, small_result
 
 SIDE_MM = SIZE * PITCH
 
@@ -211,6 +215,25 @@ def test_usd_is_valid_and_of_true_size(result: Result, tmp_path: Path):
     assert [error.GetErrorAsString() for error in found] == []
 
 
+def test_materials_come_back_from_merls_tables(result: Result, tmp_path: Path):
+    folder = exported(result, tmp_path / "area", "merl", resolution=10)
+    assert len(list(folder.glob("*.binary"))) == 5
+    read = read_merl(folder / f"area_material{GOLD:02d}.binary")
+    theta_h, theta_d, phi_d = cell_angles()
+    cosines, above = cosines_from_angles(theta_h[:, None, None], theta_d[:, None], phi_d)
+    np.testing.assert_array_equal(read.measured[0], above)
+    level = np.median(result.fits.coefficient[material_map().ravel() == GOLD, 0, 0])
+    for channel, atom in enumerate(atoms()[3 * GOLD : 3 * GOLD + 3]):
+        expected = level * atom.evaluate(cosines)[above]
+        np.testing.assert_allclose(read.stored[channel][above] * SCALES[channel], expected, rtol=1e-6)
+
+
+def test_merl_wants_a_palette(result: Result, tmp_path: Path):
+    without = replace(result, fits=replace(result.fits, dictionary=parametric()))
+    with pytest.raises(InvalidInputError, match="has no palette, whose materials are written"):
+        exported(without, tmp_path / "area", "merl")
+
+
 @pytest.mark.slow
 def test_mitsuba_makes_the_same_picture(result: Result, tmp_path: Path):
     mi = pytest.importorskip("mitsuba")
@@ -234,3 +257,11 @@ def test_mitsuba_makes_the_same_picture(result: Result, tmp_path: Path):
         assert psnr(expected, picture) > 33.0
         assert psnr(expected, picture[::-1]) < 25.0
         assert psnr(expected, picture[:, ::-1]) < 25.0
+
+
+@pytest.mark.parametrize("target", ["materialx", "usd", "mitsuba", "merl"])
+def test_the_readme_names_what_stands_beside_the_maps(result: Result, tmp_path: Path, target: Target):
+    folder = exported(result, tmp_path / "area", target, resolution=10)
+    page = (folder / "README.md").read_text()
+    unnamed = [path.name for path in folder.iterdir() if not ({f"`{path.name}`", f"`{path.stem}`"} & set(page.split()))]
+    assert sorted(unnamed) == ["README.md"]
