@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from analysis.export.microfacet import Surfaces
+from analysis.export.microfacet import MAX_DIELECTRIC_F0, Surfaces
 from analysis.export.options import TITLE, Crop
 from analysis.export.pixels import PixelSurfaces, pixel_surfaces
 from analysis.export.scale import Scale, reflectance_scale
@@ -33,6 +33,8 @@ class Counts:
         Solved ones that are fitted on their own: all where a result has no palette.
     n_clipped : int
         Those whose colour would be above 1 at the scale that was taken.
+    n_dull : int
+        Dielectrics whose highlight is as strong as their F0 may be: the measured one may be stronger.
     n_classes : int
         Fits that the pixels of the palette share.
     fit_error_median, fit_error_p95 : float
@@ -43,6 +45,7 @@ class Counts:
     n_unsolved: int
     n_outside_palette: int
     n_clipped: int
+    n_dull: int
     n_classes: int
     fit_error_median: float
     fit_error_p95: float
@@ -250,11 +253,13 @@ def resized(values: Array, size: tuple[int, int]) -> Array:
 
 
 def _counts(found: PixelSurfaces, solved: NDArray[np.bool_]) -> Counts:
+    surfaces = found.surfaces
     return Counts(
         n_pixels=len(solved),
         n_unsolved=int(np.count_nonzero(~solved)),
         n_outside_palette=int(np.count_nonzero(~found.in_palette)),
         n_clipped=int(np.count_nonzero(found.clipped)),
+        n_dull=int(np.count_nonzero((surfaces.metallic < 1.0) & (surfaces.f0 >= 0.999 * MAX_DIELECTRIC_F0))),
         n_classes=found.n_classes,
         fit_error_median=float(np.median(found.error)),
         fit_error_p95=float(np.percentile(found.error, 95.0)),

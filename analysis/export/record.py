@@ -87,7 +87,8 @@ def record_text(record: Record) -> str:
         f"scale       {scale.factor:.4g} ({scale.reason})",
         f"heights     {_heights_text(record)}",
         f"pixels      {counts.n_pixels}: {counts.n_unsolved} not solved (see the mask), "
-        f"{counts.n_outside_palette} outside the palette, {counts.n_clipped} with a colour clipped to 1",
+        f"{counts.n_outside_palette} outside the palette",
+        f"limits      {counts.n_clipped} pixels with a colour clipped to 1, {counts.n_dull} with F0 held at 0.08",
         f"fit         {counts.fit_error_median:.1%} of the BRDF (median), {counts.fit_error_p95:.1%} (95 %)",
         "against the result's own render, camera and light that far from the normal:",
     ]

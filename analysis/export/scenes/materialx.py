@@ -14,14 +14,15 @@ VERSION = "1.39"
 _COAT_IOR = 1.5
 
 _IMAGES = {
-    "Color": ("color3", "srgb_texture"),
-    "NormalGL": ("vector3", None),
-    "Roughness": ("float", None),
-    "Metalness": ("float", None),
-    "Specular": ("float", None),
-    "Clearcoat": ("float", None),
-    "ClearcoatRoughness": ("float", None),
-    "Displacement": ("float", None),
+    "Color": "color3",
+    "NormalGL": "vector3",
+    "Roughness": "float",
+    "Metalness": "float",
+    "Specular": "float",
+    "Clearcoat": "float",
+    "ClearcoatRoughness": "float",
+    "Displacement": "float",
+    "Mask": "float",
 }
 
 
@@ -41,39 +42,49 @@ def write_materialx(folder: Path, stem: str, record: Record) -> dict[str, str]:
         What each file is, by its name.
     """
     root = Element("materialx", version=VERSION, colorspace="lin_rec709")
-    graph = SubElement(root, "nodegraph", name="maps")
-    coated = (folder / f"{stem}_Clearcoat.png").exists()
-    for name, (kind, space) in _IMAGES.items():
-        if coated or not name.startswith("Clearcoat"):
-            _image(graph, name, kind, f"{stem}_{name}.png", space)
-    normal = SubElement(graph, "normalmap", name="Normal", type="vector3")
-    SubElement(normal, "input", name="in", type="vector3", nodename="NormalGL")
-    # OpenPBR weighs the reflectance of metals as well: there the weight is 1.
-    weight = SubElement(graph, "mix", name="SpecularWeight", type="float")
-    SubElement(weight, "input", name="bg", type="float", nodename="Specular")
-    SubElement(weight, "input", name="fg", type="float", value="1")
-    SubElement(weight, "input", name="mix", type="float", nodename="Metalness")
-    # In metres: 0.5 is the mean plane.
-    centred = SubElement(graph, "subtract", name="CentredHeight", type="float")
-    SubElement(centred, "input", name="in1", type="float", nodename="Displacement")
-    SubElement(centred, "input", name="in2", type="float", value="0.5")
-    outputs = {"Color": "color3", "Normal": "vector3", "CentredHeight": "float", "SpecularWeight": "float"}
-    outputs |= dict.fromkeys(("Roughness", "Metalness", "Specular"), "float")
-    outputs |= dict.fromkeys(("Clearcoat", "ClearcoatRoughness"), "float") if coated else {}
-    for name, kind in outputs.items():
-        SubElement(graph, "output", name=f"out_{name}", type=kind, nodename=name)
+    coated, whole = (folder / f"{stem}_Clearcoat.png").exists(), bool(record.prepared.maps.solved.all())
+    _graph(root, stem, coated=coated, whole=whole)
     height = SubElement(root, "displacement", name="height", type="displacementshader")
     _connect(height, "displacement", "float", "CentredHeight")
     _set(height, "scale", "float", f"{2e-3 * record.textures.displacement_range_mm:.9g}")
-    _open_pbr(root, coated=coated)
-    _standard_surface(root, coated=coated)
+    _open_pbr(root, coated=coated, whole=whole)
+    _standard_surface(root, coated=coated, whole=whole)
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode", xml_declaration=True)
     (folder / f"{stem}.mtlx").write_text(text + "\n", encoding="utf-8")
     return {f"{stem}.mtlx": "MaterialX: `material_open_pbr` and `material_standard_surface`"}
 
 
-def _open_pbr(root: Element, *, coated: bool) -> None:
+def _graph(root: Element, stem: str, *, coated: bool, whole: bool) -> None:
+    graph = SubElement(root, "nodegraph", name="maps")
+    left_out = (() if coated else ("Clearcoat", "ClearcoatRoughness")) + (("Mask",) if whole else ())
+    images = {name: kind for name, kind in _IMAGES.items() if name not in left_out}
+    for name, kind in images.items():
+        _image(graph, name, kind, f"{stem}_{name}.png")
+    _node(graph, "normalmap", "Normal", "vector3", {"in": "NormalGL"})
+    # OpenPBR weighs the reflectance of metals as well: there the weight is 1.
+    _set(_node(graph, "mix", "SpecularWeight", "float", {"bg": "Specular", "mix": "Metalness"}), "fg", "float", "1")
+    # In metres: 0.5 is the mean plane.
+    _set(_node(graph, "subtract", "CentredHeight", "float", {"in1": "Displacement"}), "in2", "float", "0.5")
+    outputs = {**images, "Normal": "vector3", "SpecularWeight": "float", "CentredHeight": "float"}
+    if not whole:
+        _node(graph, "convert", "MaskColor", "color3", {"in": "Mask"}, kind_in="float")
+        outputs["MaskColor"] = "color3"
+    for name, kind in outputs.items():
+        if name not in {"NormalGL", "Displacement"}:
+            SubElement(graph, "output", name=f"out_{name}", type=kind, nodename=name)
+
+
+def _node(
+    graph: Element, category: str, name: str, kind: str, inputs: dict[str, str], kind_in: str | None = None
+) -> Element:
+    node = SubElement(graph, category, name=name, type=kind)
+    for slot, source in inputs.items():
+        SubElement(node, "input", name=slot, type=kind_in or kind, nodename=source)
+    return node
+
+
+def _open_pbr(root: Element, *, coated: bool, whole: bool) -> None:
     shader = SubElement(root, "open_pbr_surface", name="open_pbr", type="surfaceshader")
     _connect(shader, "base_color", "color3", "Color")
     _connect(shader, "base_metalness", "float", "Metalness")
@@ -88,10 +99,12 @@ def _open_pbr(root: Element, *, coated: bool) -> None:
         # Colours were fitted without what a coat sends back into the base.
         _set(shader, "coat_darkening", "float", "0")
         _connect(shader, "geometry_coat_normal", "vector3", "Normal")
+    if not whole:
+        _connect(shader, "geometry_opacity", "float", "Mask")
     _material(root, "material_open_pbr", "open_pbr")
 
 
-def _standard_surface(root: Element, *, coated: bool) -> None:
+def _standard_surface(root: Element, *, coated: bool, whole: bool) -> None:
     shader = SubElement(root, "standard_surface", name="standard", type="surfaceshader")
     _set(shader, "base", "float", "1")
     _connect(shader, "base_color", "color3", "Color")
@@ -105,14 +118,16 @@ def _standard_surface(root: Element, *, coated: bool) -> None:
         _connect(shader, "coat_roughness", "float", "ClearcoatRoughness")
         _set(shader, "coat_IOR", "float", f"{_COAT_IOR:g}")
         _connect(shader, "coat_normal", "vector3", "Normal")
+    if not whole:
+        _connect(shader, "opacity", "color3", "MaskColor")
     _material(root, "material_standard_surface", "standard")
 
 
-def _image(graph: Element, name: str, kind: str, file: str, space: str | None) -> None:
+def _image(graph: Element, name: str, kind: str, file: str) -> None:
     image = SubElement(graph, "image", name=name, type=kind)
     where = SubElement(image, "input", name="file", type="filename", value=file)
-    if space:
-        where.set("colorspace", space)
+    if kind == "color3":
+        where.set("colorspace", "srgb_texture")
     for side in ("uaddressmode", "vaddressmode"):
         _set(image, side, "string", "clamp")
 

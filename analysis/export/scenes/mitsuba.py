@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element, SubElement
@@ -36,34 +37,11 @@ def write_mitsuba(folder: Path, stem: str, record: Record) -> dict[str, str]:
         What each file is, by its name.
     """
     maps = record.prepared.maps
-    width, height = maps.size_mm
-    rows, columns = maps.shape
-    distance = _DISTANCE * max(width, height)
     _write_own_maps(folder, stem, maps)
     scene = Element("scene", version="3.0.0")
     SubElement(SubElement(scene, "integrator", type="direct"), "boolean", name="hide_emitters", value="true")
-    sensor = SubElement(scene, "sensor", type="perspective")
-    # Half of the area is seen under arctan(1 / 10) of the longer side.
-    SubElement(sensor, "float", name="fov", value=f"{11.4211862:g}")
-    SubElement(sensor, "string", name="fov_axis", value="larger")
-    _look_down(sensor, distance)
-    film = SubElement(sensor, "film", type="hdrfilm")
-    SubElement(film, "integer", name="width", value=str(columns))
-    SubElement(film, "integer", name="height", value=str(rows))
-    SubElement(film, "rfilter", type="box")
-    light = SubElement(scene, "emitter", type="point")
-    SubElement(light, "point", name="position", x=f"{distance / 3:.9g}", y="0", z=f"{distance:.9g}")
-    SubElement(light, "rgb", name="intensity", value=f"{3.0 * distance**2:.9g}")
-    shape = SubElement(scene, "shape", type="rectangle")
-    placed = SubElement(shape, "transform", name="to_world")
-    SubElement(placed, "scale", x=f"{width / 2:.9g}", y=f"{height / 2:.9g}", z="1")
-    bent = SubElement(shape, "bsdf", type="normalmap")
-    _bitmap(bent, "normalmap", f"{stem}_NormalGL.png")
-    blend = SubElement(bent, "bsdf", type="blendbsdf")
-    _bitmap(blend, "weight", f"{stem}_SpecularWeight.png")
-    coated = (folder / f"{stem}_Clearcoat.png").exists()
-    for specular in (0.0, 1.0):
-        _principled(blend, stem, specular, coated=coated)
+    _add_camera_and_light(scene, maps)
+    _add_rectangle(scene, stem, maps, coated=(folder / f"{stem}_Clearcoat.png").exists())
     ET.indent(scene)
     text = ET.tostring(scene, encoding="unicode", xml_declaration=True)
     (folder / f"{stem}.xml").write_text(text + "\n", encoding="utf-8")
@@ -82,9 +60,38 @@ def _write_own_maps(folder: Path, stem: str, maps: SurfaceMaps) -> None:
         (folder / f"{stem}_{name}.png").write_bytes(png(quantised(values, BITS), maps.size_mm))
 
 
-def _look_down(sensor: Element, distance: float) -> None:
+def _add_camera_and_light(scene: Element, maps: SurfaceMaps) -> None:
+    """Look down on the whole area, with a light of radiance about 1 a third of the way aside."""
+    distance = _DISTANCE * max(maps.size_mm)
+    sensor = SubElement(scene, "sensor", type="perspective")
+    SubElement(sensor, "float", name="fov", value=f"{2.0 * math.degrees(math.atan(0.5 / _DISTANCE)):.9g}")
+    SubElement(sensor, "string", name="fov_axis", value="larger")
     placed = SubElement(sensor, "transform", name="to_world")
     SubElement(placed, "lookat", origin=f"0, 0, {distance:.9g}", target="0, 0, 0", up="0, 1, 0")
+    film = SubElement(sensor, "film", type="hdrfilm")
+    for name, n in zip(("height", "width"), maps.shape, strict=True):
+        SubElement(film, "integer", name=name, value=str(n))
+    SubElement(film, "rfilter", type="box")
+    light = SubElement(scene, "emitter", type="point")
+    SubElement(light, "point", name="position", x=f"{distance / 3:.9g}", y="0", z=f"{distance:.9g}")
+    SubElement(light, "rgb", name="intensity", value=f"{3.0 * distance**2:.9g}")
+
+
+def _add_rectangle(scene: Element, stem: str, maps: SurfaceMaps, *, coated: bool) -> None:
+    shape = SubElement(scene, "shape", type="rectangle")
+    placed = SubElement(shape, "transform", name="to_world")
+    width, height = maps.size_mm
+    SubElement(placed, "scale", x=f"{width / 2:.9g}", y=f"{height / 2:.9g}", z="1")
+    if not maps.solved.all():
+        # What was not solved is a hole.
+        shape = SubElement(shape, "bsdf", type="mask")
+        _bitmap(shape, "opacity", f"{stem}_Mask.png")
+    bent = SubElement(shape, "bsdf", type="normalmap")
+    _bitmap(bent, "normalmap", f"{stem}_NormalGL.png")
+    blend = SubElement(bent, "bsdf", type="blendbsdf")
+    _bitmap(blend, "weight", f"{stem}_SpecularWeight.png")
+    for specular in (0.0, 1.0):
+        _principled(blend, stem, specular, coated=coated)
 
 
 def _principled(parent: Element, stem: str, specular: float, *, coated: bool) -> None:
