@@ -64,9 +64,12 @@ def pixel_surfaces(fits: PixelFits, scale: float) -> PixelSurfaces:
         return _curves(fits.select(first[index]), scale, in_palette[first[index]])
 
     surfaces, error = fit_surfaces(curves, len(first))
-    level = _brightness(fits)
-    ratio = level / np.maximum(level[first][class_of], 1e-12 * level.max(initial=1e-30))
-    of_pixel, clipped = _levelled(surfaces.select(class_of), np.where(in_palette[:, None], ratio, 1.0))
+    ratio = np.ones((len(class_of), 3))
+    if in_palette.any():
+        level = _brightness(fits)
+        within = level / np.maximum(level[first][class_of], 1e-12 * level.max())
+        ratio[in_palette] = within[in_palette]
+    of_pixel, clipped = _levelled(surfaces.select(class_of), ratio)
     return PixelSurfaces(of_pixel, error[class_of], in_palette, clipped, len(np.unique(class_of[in_palette])))
 
 
@@ -132,7 +135,7 @@ def _brightness(fits: PixelFits) -> Array:
     """Return the mean BRDF over the slice's half angles from 20 to 65 deg, away from most lobes, shape (P, 3)."""
     used, values = _atom_values(fits, Cosines.on_slice(np.deg2rad(np.linspace(20.0, 65.0, 10))))
     parts = [_weights(fits.select(tile), used) @ values.mean(axis=1) for tile in tiles(np.arange(len(fits.normals)))]
-    mean = np.concatenate(parts) if parts else np.zeros((0, 3))
+    mean = np.concatenate(parts)
     return np.asarray(np.broadcast_to(mean, (len(mean), 3)))
 
 
@@ -145,4 +148,5 @@ def _levelled(surfaces: Surfaces, ratio: Array) -> tuple[Surfaces, NDArray[np.bo
     f0 = np.minimum(surfaces.f0 * ratio.mean(axis=1), MAX_DIELECTRIC_F0)
     f0 = np.where(surfaces.metallic == 1.0, surfaces.f0, f0)
     clipped = np.asarray((wanted > 1.0 + 1e-6).any(axis=1) | (surfaces.base_color >= 1.0).any(axis=1))
-    return replace(surfaces, base_color=np.clip(wanted, 0.0, 1.0), f0=f0), clipped
+    coat = np.minimum(surfaces.clearcoat * ratio.mean(axis=1), 1.0)
+    return replace(surfaces, base_color=np.clip(wanted, 0.0, 1.0), f0=f0, clearcoat=coat), clipped
