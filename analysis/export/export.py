@@ -86,8 +86,9 @@ def export_result(result: Result, output: Path | str, options: ExportOptions | N
     record = _record(prepared, written, as_read(prepared.maps, written), source)
     stem = _UNSAFE.sub("_", output.name)
     with written_whole(output) as part:
-        map_folder.write_map_folder(part, stem, record, options.normals or _NORMALS[options.target])
-        map_folder.add_to_readme(part, _BESIDE_MAPS[options.target](part, stem, record))
+        maps = map_folder.write_map_folder(part, stem, record, options.normals or _NORMALS[options.target])
+        beside = _BESIDE_MAPS[options.target](part, stem, record)
+        map_folder.write_record(part, stem, record, maps, beside)
     return record
 
 

@@ -16,12 +16,11 @@ from analysis.export.microfacet import MAX_DIELECTRIC_F0
 from analysis.export.options import Normals
 from analysis.export.record import Record, record_text
 from analysis.export.textures import FLIP_GREEN, Pixels, Textures, normal_pixels, png, quantised
+from instrument.files.whole_file import write_whole, written_whole
 
 Array = NDArray[np.float64]
 
 BITS = 16
-
-_README_NAME = "README.md"
 
 
 class _Map(NamedTuple):
@@ -31,7 +30,7 @@ class _Map(NamedTuple):
     linear: Array  # (H, W) or (H, W, 3), as the EXR holds it
 
 
-def write_map_folder(folder: Path, stem: str, record: Record, normals: Normals) -> None:
+def write_map_folder(folder: Path, stem: str, record: Record, normals: Normals) -> dict[str, str]:
     """Write the maps into a folder that is written whole.
 
     Parameters
@@ -43,30 +42,57 @@ def write_map_folder(folder: Path, stem: str, record: Record, normals: Normals) 
     record : Record
         With textures of 16 bits.
     normals : Normals
+
+    Returns
+    -------
+    dict of str to str
+        What each map is, by its name without an ending.
     """
     folder.mkdir()
     maps = record.prepared.maps
-    written = list(_maps(maps, record.textures, normals))
-    for item in written:
-        (folder / f"{stem}_{item.name}.png").write_bytes(png(item.pixels, maps.size_mm))
-        write_exr(folder / f"{stem}_{item.name}.exr", {"RGB" if item.linear.ndim == 3 else "Y": item.linear})
-    table = [(item.name, item.meaning) for item in written]
+    meanings = {}
+    for item in _maps(maps, record.textures, normals):
+        name = f"{stem}_{item.name}"
+        meanings[name] = item.meaning
+        write_whole(folder / f"{name}.png", png(item.pixels, maps.size_mm))
+        _write_exr(folder / f"{name}.exr", {"RGB" if item.linear.ndim == 3 else "Y": item.linear})
     n_materials = maps.material_shares.shape[-1]
     if n_materials:
+        name = f"{stem}_MaterialWeights"
+        meanings[name] = "EXR only: a channel for each of the palette's materials, its share; sum 1"
         shares = {f"material{k:02d}": maps.material_shares[..., k] for k in range(n_materials)}
-        write_exr(folder / f"{stem}_MaterialWeights.exr", shares)
-        table.append(("MaterialWeights", "EXR only: a channel for each of the palette's materials, its share; sum 1"))
-    figures = {**record.as_dict(), "maps": {f"{stem}_{name}": meaning for name, meaning in table}}
-    (folder / "export.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    (folder / _README_NAME).write_text(_readme(stem, table, record), encoding="utf-8")
+        _write_exr(folder / f"{name}.exr", shares)
+    return meanings
 
 
-def add_to_readme(folder: Path, files: dict[str, str]) -> None:
-    """Name files that stand beside the maps in their README."""
-    if files:
-        table = "".join(f"| `{name}` | {meaning} |\n" for name, meaning in files.items())
-        with (folder / _README_NAME).open("a", encoding="utf-8") as file:
-            file.write(f"\n| beside the maps | |\n|---|---|\n{table}")
+def write_record(folder: Path, stem: str, record: Record, maps: dict[str, str], beside: dict[str, str]) -> None:
+    """Write what is to be known of a folder: `export.json` for programs and a README for people.
+
+    Parameters
+    ----------
+    folder : Path
+    stem : str
+    record : Record
+    maps, beside : dict of str to str
+        What each map, and each file beside them, is.
+    """
+    figures = {**record.as_dict(), "maps": maps, "beside": beside}
+    write_whole(folder / "export.json", json.dumps(figures, indent=2) + "\n")
+    width, height = record.prepared.maps.size_mm
+    page = _README.format(
+        stem=stem,
+        table="\n".join(f"| `{name}` | {meaning} |" for name, meaning in (maps | beside).items()),
+        twice_m=2e-3 * record.textures.displacement_range_mm,
+        width_m=1e-3 * width,
+        height_m=1e-3 * height,
+        text=record_text(record),
+    )
+    write_whole(folder / "README.md", page)
+
+
+def _write_exr(path: Path, channels: dict[str, Array]) -> None:
+    with written_whole(path) as part:
+        write_exr(part, channels)
 
 
 def _maps(maps: SurfaceMaps, written: Textures, normals: Normals) -> Iterator[_Map]:
@@ -113,8 +139,8 @@ Maps of a measured surface, made by halfangle. Row 0 is at the top. `export.json
 |---|---|
 {table}
 
-Every map is there as PNG of 16 bits and as EXR of 32-bit floats. Load the PNG of Color as sRGB, everything else as
-raw (non-colour) data.
+What has no ending here is there as PNG of 16 bits and as EXR of 32-bit floats. Load the PNG of Color as sRGB, everything
+else as raw (non-colour) data.
 
 - **Blender**: NormalGL through a Normal Map node, Specular into *Specular IOR Level*, Clearcoat into *Coat Weight*;
   Displacement with midlevel 0.5 and scale {twice_m:.6g} (in metres, for the PNG). The plane measures
@@ -126,15 +152,3 @@ raw (non-colour) data.
 {text}
 ```
 """
-
-
-def _readme(stem: str, table: list[tuple[str, str]], record: Record) -> str:
-    width, height = record.prepared.maps.size_mm
-    return _README.format(
-        stem=stem,
-        table="\n".join(f"| `{stem}_{name}` | {meaning} |" for name, meaning in table),
-        twice_m=2e-3 * record.textures.displacement_range_mm,
-        width_m=1e-3 * width,
-        height_m=1e-3 * height,
-        text=record_text(record),
-    )

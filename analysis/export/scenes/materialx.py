@@ -8,6 +8,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from analysis.export.record import Record
 from analysis.export.scenes.gltf import IOR
+from instrument.files.whole_file import write_whole
 
 VERSION = "1.39"
 
@@ -51,7 +52,7 @@ def write_materialx(folder: Path, stem: str, record: Record) -> dict[str, str]:
     _standard_surface(root, coated=coated, whole=whole)
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode", xml_declaration=True)
-    (folder / f"{stem}.mtlx").write_text(text + "\n", encoding="utf-8")
+    write_whole(folder / f"{stem}.mtlx", text + "\n")
     return {f"{stem}.mtlx": "MaterialX: `material_open_pbr` and `material_standard_surface`"}
 
 

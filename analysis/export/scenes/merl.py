@@ -13,6 +13,7 @@ from analysis.palette.materials import leading_material
 from analysis.pixels.fits import PixelFits
 from analysis.reflectance.merl import SCALES, SHAPE, UNMEASURED, cell_angles
 from analysis.reflectance.models import cosines_from_angles
+from instrument.files.whole_file import write_whole
 
 Array = NDArray[np.float64]
 
@@ -40,9 +41,8 @@ def write_merl_tables(folder: Path, stem: str, record: Record) -> dict[str, str]
         values = scale * level * material_values(fits, k)
         name = f"{stem}_material{k:02d}.binary"
         files[name] = f"MERL: the completed BRDF of the palette's material {k} at its typical level"
-        with (folder / name).open("xb") as file:
-            file.write(struct.pack("<3i", *SHAPE))
-            file.write((values / SCALES[:, None, None, None]).clip(UNMEASURED).astype("<f8").tobytes())
+        stored = (values / SCALES[:, None, None, None]).clip(UNMEASURED).astype("<f8")
+        write_whole(folder / name, struct.pack("<3i", *SHAPE) + stored.tobytes())
     return files
 
 

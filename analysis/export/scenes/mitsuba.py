@@ -12,6 +12,7 @@ from analysis.export.maps import SurfaceMaps
 from analysis.export.microfacet import MAX_DIELECTRIC_F0
 from analysis.export.record import Record
 from analysis.export.textures import png, quantised
+from instrument.files.whole_file import write_whole
 from instrument.pictures.srgb import srgb_from_linear
 
 _DISTANCE = 5.0  # of camera and light, times the longer side
@@ -44,7 +45,7 @@ def write_mitsuba(folder: Path, stem: str, record: Record) -> dict[str, str]:
     _add_rectangle(scene, stem, maps, coated=(folder / f"{stem}_Clearcoat.png").exists())
     ET.indent(scene)
     text = ET.tostring(scene, encoding="unicode", xml_declaration=True)
-    (folder / f"{stem}.xml").write_text(text + "\n", encoding="utf-8")
+    write_whole(folder / f"{stem}.xml", text + "\n")
     return {
         f"{stem}.xml": "Mitsuba 3: a rectangle in mm, a camera and a point light",
         f"{stem}_SpecularWeight.png": "raw; as Specular, 1 for metals",
@@ -57,7 +58,7 @@ def _write_own_maps(folder: Path, stem: str, maps: SurfaceMaps) -> None:
     weight = metallic + (1.0 - metallic) * f0 / MAX_DIELECTRIC_F0
     color = maps.surfaces.base_color.reshape(*maps.shape, 3) * (1.0 - (1.0 - metallic) * f0)[..., None]
     for name, values in (("SpecularWeight", weight), ("DimmedColor", srgb_from_linear(color))):
-        (folder / f"{stem}_{name}.png").write_bytes(png(quantised(values, BITS), maps.size_mm))
+        write_whole(folder / f"{stem}_{name}.png", png(quantised(values, BITS), maps.size_mm))
 
 
 def _add_camera_and_light(scene: Element, maps: SurfaceMaps) -> None:

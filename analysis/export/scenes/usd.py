@@ -12,6 +12,7 @@ from analysis.export.map_folder import BITS
 from analysis.export.record import Record
 from analysis.export.scenes.gltf import IOR
 from analysis.export.textures import png, quantised
+from instrument.files.whole_file import write_whole
 
 METRES_PER_UNIT = 0.001
 """Lengths are in mm, as everywhere in a result."""
@@ -35,7 +36,7 @@ def write_usd(folder: Path, stem: str, record: Record) -> dict[str, str]:
     maps, height = record.prepared.maps, record.textures.displacement_range_mm
     root = np.sqrt(maps.surfaces.f0.reshape(maps.shape))
     ior = (1.0 + root) / (1.0 - root)
-    (folder / f"{stem}_Ior.png").write_bytes(png(quantised((ior - 1.0) / (IOR - 1.0), BITS), maps.size_mm))
+    write_whole(folder / f"{stem}_Ior.png", png(quantised((ior - 1.0) / (IOR - 1.0), BITS), maps.size_mm))
     coated, whole = (folder / f"{stem}_Clearcoat.png").exists(), bool(maps.solved.all())
     inputs = {
         "diffuseColor": ("color3f", _texture(stem, "Color", "rgb", "sRGB", (1.0, 0.0))),
@@ -62,7 +63,7 @@ def write_usd(folder: Path, stem: str, record: Record) -> dict[str, str]:
         ),
         textures="\n".join(shader.format(name=name) for name, (_, shader) in inputs.items()),
     )
-    (folder / f"{stem}.usda").write_text(text, encoding="utf-8")
+    write_whole(folder / f"{stem}.usda", text)
     return {
         f"{stem}.usda": "USD: a plane in mm with UsdPreviewSurface",
         f"{stem}_Ior.png": f"raw; index of refraction, 0 is 1 and 1 is {IOR:.6g}",

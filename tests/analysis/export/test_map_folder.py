@@ -196,6 +196,6 @@ def test_nothing_is_left_of_an_export_that_fails(result: Result, tmp_path: Path,
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr("analysis.export.map_folder.write_exr", full)
-    with pytest.raises(NotWrittenError, match="maps is not written: disk full"):
+    with pytest.raises(NotWrittenError, match=r"maps_Color\.exr is not written: disk full"):
         export_result(result, tmp_path / "maps", WHITE)
     assert list(tmp_path.iterdir()) == []
