@@ -139,8 +139,8 @@ Maps of a measured surface, made by halfangle. Row 0 is at the top. `export.json
 |---|---|
 {table}
 
-What has no ending here is there as PNG of 16 bits and as EXR of 32-bit floats. Load the PNG of Color as sRGB, everything
-else as raw (non-colour) data.
+What has no ending here is there as PNG of 16 bits and as EXR of 32-bit floats. Load the PNG of Color as sRGB,
+everything else as raw (non-colour) data.
 
 - **Blender**: NormalGL through a Normal Map node, Specular into *Specular IOR Level*, Clearcoat into *Coat Weight*;
   Displacement with midlevel 0.5 and scale {twice_m:.6g} (in metres, for the PNG). The plane measures
