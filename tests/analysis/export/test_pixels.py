@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.export.maps import Crop, prepare
+from analysis.export.maps import cropped, prepare
+from analysis.export.options import Crop
 from analysis.export.pixels import classes, pixel_surfaces
 from analysis.results.result import Result
 from instrument.files.validation import InvalidInputError
@@ -66,6 +67,12 @@ def test_the_scale_is_as_given_or_stated(result: Result):
     calibrated = replace(result, summary=replace(result.summary, calibration={"white_rms": 0.001}))
     assert prepare(calibrated).scale.factor == 0.85
     assert "white paper taken for 0.85" in prepare(calibrated).scale.reason
+
+
+def test_without_a_white_a_sample_is_no_brighter_than_its_highlights_allow(result: Result):
+    glossy, matte = cropped(result, Crop(22, 0, 16, 16)), cropped(result, Crop(6, 26, 8, 8))
+    assert "stay below 0.57;" in prepare(glossy).scale.reason
+    assert "stay below 0.8;" in prepare(matte).scale.reason
 
 
 def test_a_part_of_the_area_is_that_part_of_the_maps(result: Result):
