@@ -1,3 +1,5 @@
+from .export.export import export_result as export_result
+from .export.options import ExportOptions as ExportOptions
 from .pipeline import Calibrated as Calibrated
 from .pipeline import calibrate as calibrate
 from .pipeline import check_calibration as check_calibration

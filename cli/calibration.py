@@ -19,11 +19,7 @@ if TYPE_CHECKING:
 @click.command(epilog="Example: halfangle calibrate session.h5 -o area.stack.h5 --report calibration.html")
 @click.argument("session", type=FILE)
 @click.option("-o", "--output", type=FILE, help="Registered stack to write; without it the calibration is told only.")
-@click.option(
-    "--pitch",
-    type=FiniteRange(min=0.001),
-    help="Size of a pixel of the stack, mm [default: as fine as the pictures].",
-)
+@click.option("--pitch", type=FiniteRange(min=0.001), help="Pixel of the stack, mm [default: as fine as the pictures].")
 @click.option("--report", "page", type=FILE, help="HTML page of checks, pictures and parameters to write.")
 @click.option("--json", "json_file", type=FILE, help="Write figures and checks here too.")
 @quiet_option

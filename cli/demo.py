@@ -20,15 +20,7 @@ PITCH_MM, QUICK_PITCH_MM = 0.25, 0.5
 
 
 @click.command(epilog="Example: halfangle demo -o out")
-@click.option(
-    "-o",
-    "--output",
-    "folder",
-    type=FOLDER,
-    default=Path("demo"),
-    show_default=True,
-    help="Folder for the session, the stack, the result and the reports.",
-)
+@click.option("-o", "--output", "folder", type=FOLDER, default="demo", show_default=True, help="Folder for all files.")
 @json_file_option
 @click.option("--quick", is_flag=True, help="Fewer poses and larger pixels: a third of the time, a coarser result.")
 @click.option("--force", is_flag=True, help="Replace the files of an earlier demo.")

@@ -21,15 +21,11 @@ halfangle import --registered card --positions positions.csv --width-mm 68.48 --
 @click.command("import", epilog=EPILOG)
 @click.argument("folder", type=PATH)
 @click.option("-o", "--output", type=FILE, help="Session (or registered stack) to write; FOLDER.h5 by default.")
-@click.option(
-    "--capture", "capture_file", type=FILE, help="What the pictures do not say; FOLDER/capture.toml by default."
-)
+@click.option("--capture", "capture_file", type=FILE, help="What pictures do not say; FOLDER/capture.toml by default.")
 @click.option("--init", is_flag=True, help="Write FOLDER/capture.toml, filled in as far as the pictures tell.")
 @click.option("--registered", is_flag=True, help="The pictures are registered to the sample plane: make a stack.")
 @click.option("--positions", type=FILE, help="With --registered: CSV of camera (and light) a picture; also in FOLDER.")
-@click.option(
-    "--width-mm", type=FiniteRange(min=0.001), help="With --registered: width of the area that pictures show."
-)
+@click.option("--width-mm", type=FiniteRange(min=0.001), help="With --registered: width of the area in the pictures.")
 @click.option("--gamma", type=FiniteRange(0.1, 5.0), help="With --registered: display gamma; 1 if they are linear.")
 @click.option("--bin", "binning", type=click.IntRange(1), help="With --registered: average squares of so many pixels.")
 def import_pictures(

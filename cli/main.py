@@ -28,6 +28,7 @@ COMMANDS = {
     "render": ("cli.reconstruction:render", "Predict the picture from any camera and light."),
     "report": ("cli.reconstruction:report", "One HTML page of a result."),
     "point": ("cli.reconstruction:point", "Samples of one pixel against its fitted curve."),
+    "export": ("cli.reconstruction:export", "A result as maps or a scene for renderers."),
     "dictionary": ("cli.dictionary:dictionary", "The BRDF dictionaries that are built in."),
     "bench": ("cli.bench:bench", "Accuracy and speed on simulated scenes, against a reference."),
     "reproduce": ("cli.reproduce:reproduce", "The paper's experiments, ours against what it states."),

@@ -1,4 +1,4 @@
-"""`halfangle reconstruct`, `render`, `report`, `point`: from a session or a stack to maps, pictures and curves."""
+"""`halfangle reconstruct`, `render`, `export`, `report`, `point`: from sessions or stacks to maps, pictures, curves."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ from typing import Any, get_args
 
 import click
 
+from analysis.export.options import ExportOptions, Normals, Target, parse_crop
 from analysis.reconstruction.options import Accuracy, Field, Light, Neighbours, Options, Palette, Parallax, Power
 from cli.output import (
     FILE,
     FINISHED_WITH_WARNINGS,
+    PATH,
     FiniteRange,
     check_new,
     json_file_option,
@@ -82,22 +84,44 @@ def reconstruct(
 @click.option("--camera", required=True, metavar="X,Y,Z", help="Sample frame, mm.")
 @click.option("--light", required=True, metavar="X,Y,Z", help="Sample frame, mm.")
 @click.option("--light-power", type=FiniteRange(min=0.0), default=1.0, show_default=True, help="As in the stack.")
-@click.option(
-    "-o", "--output", type=FILE, required=True, help="Picture to write: .exr or .npy (linear) or .png (display)."
-)
+@click.option("-o", "--output", type=FILE, required=True, help="Picture: .exr or .npy (linear) or .png (display).")
 def render(result: Path, camera: str, light: str, light_power: float, output: Path) -> None:
     """Predict the picture of the area from any CAMERA and LIGHT, in the stack's radiance units and grid."""
     check_new(output)
     from analysis.drawing.picture_file import check_picture_name, write_picture
-    from analysis.results.result_file import read_result
-    from instrument.files.probe import refuse_dangerous
+    from analysis.results.result_file import open_result
 
     check_picture_name(output)
-    refuse_dangerous(result)
     positions = parse_position(camera, "--camera"), parse_position(light, "--light")
-    radiance = read_result(result).render(*positions, light_power)
+    radiance = open_result(result).render(*positions, light_power)
     write_picture(output, radiance)
     click.echo(f"{output}: {radiance.shape[1]} x {radiance.shape[0]} pixels")
+
+
+_TO = "What to write; all but gltf is a folder of maps."
+_WHITE = "Reflectance of the white that the result takes for 1."
+_CROP = "A part of the area, pixels from the top left."
+
+
+@click.command(epilog="Example: halfangle export area.result.h5 --to gltf -o area.glb")
+@click.argument("result", type=FILE)
+@click.option("--to", "target", type=click.Choice(get_args(Target)), default="maps", show_default=True, help=_TO)
+@click.option("-o", "--output", type=PATH, required=True, help="Folder to write; for gltf a file that ends in .glb.")
+@click.option("--normals", type=click.Choice(get_args(Normals)), help="Which normal maps.  [default: both]")
+@click.option("--white-reflectance", type=FiniteRange(0.0, min_open=True), help=_WHITE)
+@click.option("--crop", metavar="X,Y,W,H", callback=lambda _c, _p, text: text and parse_crop(text), help=_CROP)
+@click.option("--resolution", type=click.IntRange(1), help="Pixels of the longer side; maps are averaged.")
+@click.option("--mesh", type=click.IntRange(1), help="For gltf: a displaced mesh of so many cells, not a plane.")
+def export(result: Path, output: Path, **choices: Any) -> None:
+    """Write a RESULT as maps or as a scene for renderers (docs/export.md), and tell how true pictures of it are."""
+    options = ExportOptions(**choices)
+    check_new(output)
+    from analysis.export.export import export_result
+    from analysis.export.record import record_text
+    from analysis.results.result_file import open_result
+
+    record = export_result(open_result(result), output, options, result.name)
+    click.echo(f"{output}\n{record_text(record)}")
 
 
 @click.command(epilog="Example: halfangle report area.result.h5 -o report.html")
@@ -108,11 +132,9 @@ def report(result: Path, output: Path, title: str | None) -> None:
     """Make one HTML page of a RESULT."""
     check_new(output)
     from analysis.pipeline import report as write_page
-    from analysis.results.result_file import read_result
-    from instrument.files.probe import refuse_dangerous
+    from analysis.results.result_file import open_result
 
-    refuse_dangerous(result)
-    write_page(read_result(result), output, title or result.name)
+    write_page(open_result(result), output, title or result.name)
     click.echo(str(output))
 
 
@@ -129,12 +151,10 @@ def point(result: Path, row: int, column: int, stack: Path | None, as_json: bool
     """
     from analysis.reporting.text import point_figures, point_text
     from analysis.results.points import point_curve, point_samples, source_stack
-    from analysis.results.result_file import read_result
+    from analysis.results.result_file import open_result
     from instrument.files.json_file import finite
-    from instrument.files.probe import refuse_dangerous
 
-    refuse_dangerous(result)
-    read = read_result(result)
+    read = open_result(result)
     try:
         curve = point_curve(read, row, column)
     except IndexError as error:

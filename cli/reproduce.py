@@ -23,13 +23,7 @@ SUMMARY = ("name", "status", "ours", "stated", "verdict", "why", "seconds")
 )
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=2017, show_default=True, help="Of what is random.")
 @click.option(
-    "-o",
-    "--output",
-    "folder",
-    type=FOLDER,
-    default=Path("reproduction"),
-    show_default=True,
-    help="Folder for tables, figures and reproduction.md; a later run goes on in it.",
+    "-o", "--output", "folder", type=FOLDER, default="reproduction", help="A later run goes on in this folder."
 )
 @click.option("--json", "json_file", type=FILE, help="Write a summary here.")
 @click.option("--page", type=FILE, help="Write the page here too, with its pictures.")

@@ -5,15 +5,11 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from cli.output import FINISHED_WITH_WARNINGS, PATH, check_new, json_option
 from instrument.files.validation import LINE_BREAK, printable
-
-if TYPE_CHECKING:
-    pass
 
 
 @click.group()

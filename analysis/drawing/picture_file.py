@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,18 @@ def write_picture(path: Path, radiance: NDArray[np.float64]) -> None:
     elif path.suffix.lower() == ".png":
         write_whole(path, picture(display_colours(radiance)))
     else:
-        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-        channels: dict[str, Any] = {"RGB" if linear.shape[-1] == 3 else "Y": np.ascontiguousarray(linear.squeeze())}
         with written_whole(path) as part:
-            OpenEXR.File(header, channels).write(str(part))
+            write_exr(part, {"RGB": linear} if linear.shape[-1] == 3 else {"Y": linear[..., 0]})
+
+
+def write_exr(path: Path, channels: Mapping[str, NDArray[Any]]) -> None:
+    """Write channels in 32-bit floats at the temporary name of a file, or into a folder that is written whole.
+
+    Parameters
+    ----------
+    path : Path
+    channels : mapping of str to ndarray, shape (H, W), or (H, W, 3) under the name "RGB"
+    """
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    floats = {name: np.ascontiguousarray(values, np.float32) for name, values in channels.items()}
+    OpenEXR.File(header, floats).write(str(path))

@@ -111,14 +111,13 @@ class PixelFits:
         shape = cosines.n_dot_h.shape
         value = np.zeros((*shape, self.atom.shape[1]))
         for k in np.unique(self.atom[self.atom >= 0]):
-            weight = np.sum(np.where(self.atom == k, self.coefficient, 0.0), axis=-1)
-            users = np.flatnonzero(weight.any(axis=1))
+            used = self.atom == k
+            users = np.flatnonzero(used.any(axis=(1, 2)))
+            weight = np.sum(np.where(used[users], self.coefficient[users], 0.0), axis=-1)
             atom = self.dictionary.atoms[k]
             part = Cosines(cosines.n_dot_h[users], cosines.cos_d[users], cosines.n_dot_l[users], cosines.n_dot_v[users])
             curve = atom.evaluate(part)
-            value[users] += curve[..., None] * weight[users].reshape(
-                len(users), *(1,) * (len(shape) - 1), weight.shape[1]
-            )
+            value[users] += curve[..., None] * weight.reshape(len(users), *(1,) * (len(shape) - 1), weight.shape[1])
         return value
 
     def radiance(self, points: Array, camera: Array, light: Array, light_power: float = 1.0) -> Array:

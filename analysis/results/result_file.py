@@ -28,6 +28,7 @@ from analysis.results.summary import Summary, Value, plain, value_from_json
 from analysis.results.views import read_views, write_views
 from analysis.stages import Stage
 from instrument.files.new_hdf5 import BOOKKEEPING_BYTES, new_hdf5
+from instrument.files.probe import refuse_dangerous
 from instrument.files.untrusted import HDF5_ERRORS, open_foreign, schema_problems, text_attribute
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 from instrument.files.whole_file import refuse_unreadable, written_whole
@@ -152,6 +153,18 @@ def _read_band(group: Any, atoms: tuple[AnyAtom, ...]) -> MaterialBrdfs:
     if log_sigma.shape != (len(seen), len(tables) // max(len(seen), 1), len(theta_h), len(theta_d)):
         raise ValueError("brdf/band/log_sigma does not match the materials and its angles")
     return MaterialBrdfs(tables, log_sigma, theta_h, theta_d, seen)
+
+
+def open_result(path: Path) -> Result:
+    """Read a result file that anybody may have made: as `read_result`, once a child process has found it harmless.
+
+    Raises
+    ------
+    InvalidInputError
+        With everything that is wrong.
+    """
+    refuse_dangerous(path)
+    return read_result(path)
 
 
 def read_result(path: Path) -> Result:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pillow_heif
 from numpy.typing import NDArray
 
 from instrument.pictures.picture import Picture, UnreadablePictureError, without_alpha
@@ -23,6 +22,12 @@ _ORIENTATIONS = (1, 8, 3, 6)
 
 def read_heif(path: Path) -> Picture:
     """Read the one picture of a file, of 8 bits a colour."""
+    try:
+        import pillow_heif
+    except ImportError:
+        raise UnreadablePictureError(
+            "is HEIF, which needs the extra halfangle[heif]; or save it as JPEG or PNG"
+        ) from None
     content = path.read_bytes()
     turn = _turn(content)
     file = pillow_heif.open_heif(content, convert_hdr_to_8bit=False)

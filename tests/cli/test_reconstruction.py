@@ -98,9 +98,25 @@ def test_point_prints_the_samples_of_a_pixel_beside_its_curve(folder: Path, caps
     assert len([line for line in lines if line.endswith(tuple(USES))]) == 90
 
 
+def test_export_writes_maps_and_says_how_true_they_are(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("export", folder / "area.result.h5", "-o", folder / "maps", "--crop", "4,4,16,12") == 0
+    told = capsys.readouterr().out
+    assert "size        6.4 x 4.8 mm, 16 x 12 pixels" in told
+    assert told.count(" dB  mean dE00 ") == 5
+    figures = json.loads((folder / "maps/export.json").read_text())
+    assert figures["pixels"] == [16, 12]
+    assert figures["result"] == "area.result.h5"
+    assert min(error["psnr_db"] for error in figures["errors"][:3]) > 33.0
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (("export", "R", "-o", "x.maps", "--crop", "0,0,5"), "--crop: is '0,0,5'; must be X,Y,WIDTH,HEIGHT in pixels"),
+        (("export", "R", "-o", "x.maps", "--crop", "0,0,50,5"), "the area has 24 x 24 pixels"),
+        (("export", "R", "-o", "x.maps", "--resolution", "99"), "no more than 24 pixels were measured"),
+        (("export", "R", "-o", "x.maps", "--mesh", "9"), "--mesh: is for --to gltf"),
+        (("export", "R", "-o", "R"), "exists and is not overwritten"),
         (("point", "R", "99", "5"), "rows are 0 to 23"),
         (("point", "R", "3", "5", "--stack", "nowhere.stack.h5"), "is not there; put area.stack.h5"),
         (("point", "R", "3", "5", "--stack", "R"), "is not the file that area.result.h5 came from"),

@@ -10,12 +10,12 @@ import OpenEXR
 from numpy.typing import NDArray
 
 from analysis.camera.view import View
+from analysis.drawing.colour_difference import ciede2000, lab_from_srgb
 from analysis.drawing.colours import display_colours
 from analysis.evaluation.metrics import psnr_db
 from analysis.registration.rectification import rectify
 from analysis.registration.stack import Stack
 from analysis.results.result import Result
-from benchmarks.common.colour_difference import ciede2000, lab_from_srgb
 from benchmarks.reproduction.mitsuba_scenes.prepared import Prepared
 from benchmarks.reproduction.mitsuba_scenes.views import Camera, Placement, captured, novel
 

@@ -8,7 +8,7 @@ from PySide6.QtGui import QColor, QPalette
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from benchmarks.common.colour_difference import ciede2000, lab_from_srgb
+from analysis.drawing.colour_difference import ciede2000, lab_from_srgb
 from gui.rig import light_sign
 from gui.widgets import banner
 from gui.widgets.plots import CHANNEL_COLOURS, OKABE_ITO, Plot

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from struct import pack
 from typing import Any
@@ -264,3 +265,12 @@ def test_a_bitmap_without_a_beginning_is_none(tmp_path: Path) -> None:
     (tmp_path / "a.bmp").write_bytes(b"PM" + pack("<I", 0) * 20)
     with pytest.raises(UnreadablePictureError, match="is no bitmap"):
         read_picture(tmp_path / "a.bmp")
+
+
+def test_where_the_package_for_heic_is_missing_the_extra_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_heic(tmp_path / "a.heic", 1)
+    monkeypatch.setitem(sys.modules, "pillow_heif", None)
+    with pytest.raises(UnreadablePictureError, match=r"needs the extra halfangle\[heif\]; or save it as JPEG"):
+        read_picture(tmp_path / "a.heic")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.common.colour_difference import ciede2000, lab_from_srgb
+from analysis.drawing.colour_difference import ciede2000, lab_from_srgb
 
 # From table 1 of Sharma, Wu and Dalal, 2005.
 PAIRS = [
