@@ -21,6 +21,10 @@ class NotSafeError(DeviceError):
     """Something ended, and the light is not known to be off or the stage to stand: somebody has to look at the rig."""
 
 
+class NotHomedError(DeviceError):
+    """A stage whose position means nothing before it has found its zero: it has to be homed."""
+
+
 class CancelledError(Exception):
     """A wait was called off by whoever runs the rig; no device failed."""
 

@@ -74,6 +74,8 @@ class Stage(Protocol):
         ------
         DeviceLimitError
             If a target is outside its soft limits; nothing has moved then.
+        NotHomedError
+            If it finds its zero by switches and has not done so since it was connected.
         """
 
     def move_duration(self, target: Mapping[str, float]) -> float:

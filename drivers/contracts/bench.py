@@ -13,7 +13,6 @@ from drivers.contracts.camera import CameraContract
 from drivers.contracts.light import LightContract
 from drivers.contracts.stage import StageContract
 from drivers.driver import Kind
-from drivers.errors import DeviceError
 from drivers.light import Light
 from drivers.registry import Devices, open_devices
 from drivers.stage import Stage
@@ -80,15 +79,4 @@ class TestLight(LightContract):
 
 
 class TestStage(StageContract):
-    """Of the rig's stage, which is homed where it does not know its position."""
-
-    @pytest.fixture
-    def connected(self, stage: Stage) -> Iterator[Stage]:
-        """Return the stage, with a position."""
-        stage.connect()
-        try:
-            stage.read()
-        except DeviceError:
-            stage.home()
-        yield stage
-        stage.disconnect()
+    """Of the rig's stage."""

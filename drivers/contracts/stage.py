@@ -17,6 +17,7 @@ class StageContract:
     @pytest.fixture
     def connected(self, stage: Stage) -> Iterator[Stage]:
         stage.connect()
+        stage.home()
         yield stage
         stage.disconnect()
 

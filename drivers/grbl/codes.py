@@ -1,6 +1,7 @@
 """What GRBL 1.1's numbers mean and what to do next.
 
-After the lists of the firmware's documentation: ``alarm_codes`` and ``error_codes``.
+After the lists of the firmwares' documentation: ``alarm_codes`` and ``error_codes`` of GRBL, "Errors and alarms" of
+grblHAL.
 """
 
 from __future__ import annotations
@@ -28,6 +29,16 @@ ALARMS = {
     7: ("homing failed: the safety door was opened", "Close the door, then home the stage"),
     8: ("homing failed: the limit switch stays pressed after the pull-off", f"Raise $27. {_WIRING}"),
     9: ("homing failed: no limit switch found within the search distance", f"Raise the travel $130. {_WIRING}"),
+    # From here on those of grblHAL.
+    10: ("the emergency stop is pressed", f"Release it. {_LOOK}"),
+    11: ("it has to be homed first", _HOME),
+    12: ("a limit switch is pressed", _LOOK),
+    13: ("the probe is protected", "Nothing of ours probes; see what else uses the controller"),
+    14: ("a spindle did not come to speed", "Nothing of ours turns a spindle; see what else uses the controller"),
+    15: ("homing failed: the second switch of a ganged axis was not found", _WIRING),
+    16: ("its self-test failed", "Switch it off and on; see the documentation of this controller"),
+    17: ("a motor driver reports a fault", "Look at the motors, their drivers and their power, then home the stage"),
+    18: ("homing failed: its configuration allows none", "Correct $22, $44 and $45, then home the stage"),
 }
 
 _OURS = "The line was garbled on its way, or the firmware is no GRBL 1.1; look at the cable"
@@ -68,11 +79,29 @@ ERRORS = {
     36: ("words that no command uses", "Does the firmware have that axis? Correct the letter in rig.toml"),
     37: ("the tool offset is for another axis", _OURS),
     38: ("the tool number is too large", _OURS),
+    # From here on those of grblHAL.
+    18: ("it was reset", "Home the stage"),
+    19: ("a value must be above 0", _OURS),
+    39: ("a value is out of range", _OURS),
+    40: ("it waits for a change of tools", "Nothing of ours has tools; see what else uses the controller"),
+    43: ("the feed rate is above the largest allowed", "Raise $110 of that axis, or lower its speed"),
+    45: ("a limit switch is pressed; only homing is allowed", "Home the stage"),
+    46: ("it has to be homed first", "Home the stage"),
+    49: ("its self-test failed", "Switch it off and on; see the documentation of this controller"),
+    50: ("the emergency stop is pressed", "Release it, look at the stage, then connect and home it"),
+    51: ("a motor driver reports a fault", "Look at the motors, their drivers and their power, then home the stage"),
+    52: ("a setting is out of range", "Correct the setting"),
+    53: ("a setting is not available", "Correct the setting"),
+    55: ("its configuration allows no homing", "Correct $22, $44 and $45"),
+    77: ("it wants a password", "Unlock it by hand"),
+    78: ("it refuses access", "Unlock it by hand"),
+    79: ("a critical event has stopped it", "Look at the stage; reset it by hand, then connect and home it"),
 }  # fmt: skip
 
 # Trying again would not help: a switch, a door or the wiring needs somebody.
-_UNSAFE_ALARMS = (1, 7, 8, 9)
-_UNKNOWN = ("not in the documentation of GRBL 1.1", "See the documentation of this firmware")
+_UNSAFE_ALARMS = (1, 7, 8, 9, 10, 12, 15, 16, 17, 18)
+_UNSAFE_ERRORS = (50, 51, 79)
+_UNKNOWN = ("not in the documentation of GRBL 1.1 or grblHAL", "See the documentation of this firmware")
 
 STATES = {
     "Alarm": (
@@ -84,6 +113,8 @@ STATES = {
     "Sleep": ("asleep", "Connect again and home the stage"),
     "Check": ("in check mode, in which nothing moves", "Connect again"),
     "Jog": ("jogged by somebody else", "End the jog, then try again"),
+    "Run": ("moved by somebody else", "Wait until it rests, then try again"),
+    "Home": ("homed by somebody else", "Wait until it rests, then try again"),
 }
 
 
@@ -97,7 +128,8 @@ def alarm(number: int) -> DeviceError:
 def refusal(number: int, line: str) -> DeviceError:
     """Return the error for a line that was answered by an error number."""
     what, next_ = ERRORS.get(number, _UNKNOWN)
-    return DeviceError(f"the controller refused {line!r} with error:{number}, {what}. {next_}.")
+    kind = UnsafeError if number in _UNSAFE_ERRORS else DeviceError
+    return kind(f"the controller refused {line!r} with error:{number}, {what}. {next_}.")
 
 
 def bad_state(state: str) -> DeviceError:

@@ -121,6 +121,7 @@ class GrblController:
         self._homing.set()
         try:
             self.run(link, "$H", seconds)
+            link.know_origin()
         finally:
             self._homing.clear()
 

@@ -151,7 +151,8 @@ class Firmware:
     def _beyond_travel(self, axis: GrblAxis) -> Iterator[str]:
         low, high = self.travel(axis)
         ends = [axis.machine_from_position(end) for end in axis.soft_limits]
-        if self.values[_SOFT_LIMITS] and not (low <= min(ends) and max(ends) <= high):
+        # A travel of 0 is that of an axis without ends.
+        if self.values[_SOFT_LIMITS] and low < high and not (low <= min(ends) and max(ends) <= high):
             yield (
                 f"axis {axis.name}: soft_limits are {min(ends):g} to {max(ends):g} in its units and the firmware's "
                 f"($20, ${_TRAVEL + axis.i_letter}) are {low:g} to {high:g}; correct zero, scale or soft_limits"

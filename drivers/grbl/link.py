@@ -13,12 +13,12 @@ from collections.abc import Iterator
 from threading import Event
 
 from drivers.clock import Clock
-from drivers.errors import DeviceError, DeviceTimeoutError
+from drivers.errors import DeviceError, DeviceTimeoutError, UnsafeError
 from drivers.grbl.codes import alarm, bad_state, refusal
 from drivers.grbl.report import Report, machine_position, parse_report
 from drivers.serial_link.port import SerialPort
 
-QUERY, HOLD, RESUME, JOG_CANCEL, RESET = b"?", b"!", b"~", b"\x85", b"\x18"
+QUERY, HOLD, RESUME, JOG_CANCEL, RESET, FULL_FEED = b"?", b"!", b"~", b"\x85", b"\x18", b"\x90"
 """Characters that act at once, wherever they stand in the stream."""
 
 # As often as the documentation recommends at most. It also pushes out a line that is held back until the next byte.
@@ -28,10 +28,13 @@ _LONGEST_LINE = 256  # bytes; what is longer has lost its end
 _FEWEST_REPORTS = 3
 _MOST_READS = 100  # at once, of a port that babbles
 _RESET_PERIOD = 1.0  # seconds; a board that the opening of its port restarts hears nothing for a second or two
+_ECHO_POLLS = 25  # of the port, without a word, after which no other reset is greeted any more
 
 _BANNER = re.compile(r"Grbl(?:HAL)? (1\.1\w*) \[.*help\]")
 _ANY_BANNER = re.compile(r"Grbl(?:HAL)? .*\[.*help\]")
 _NUMBERED = re.compile(r"(error|ALARM):(\d{1,3})")
+
+RESTARTED = "the controller restarted by itself, so that nobody knows where its axes stand"
 
 
 class GrblLink:
@@ -42,6 +45,18 @@ class GrblLink:
     port : SerialPort
     clock : Clock
         Whose seconds the limits are counted by.
+
+    Attributes
+    ----------
+    version : str
+        Of the firmware.
+    in_step : bool
+        Whether the next answer is that to the next question.
+    homed : bool
+        Whether it has been homed since the port was opened and has not restarted since; by its own word, where it has
+        one for that.
+    restarted : bool
+        Whether it has greeted without being reset: its power failed, or somebody else reset it.
     """
 
     def __init__(self, port: SerialPort, clock: Clock) -> None:
@@ -53,21 +68,46 @@ class GrblLink:
         self._garbage: list[str] = []
         self._offset: tuple[float, ...] | None = None
         self._n_numbers: int | None = None
+        self._alarm: int | None = None
+        # A board that the opening of its port restarts greets once without having been reset.
+        self._n_greetings_due = 1
         self.version = ""
-        self.in_step = False
+        self.in_step = self.homed = self.restarted = False
 
     def send(self, character: bytes) -> None:
         """Send a character that acts at once; any thread may."""
+        if RESET in character:
+            self._n_greetings_due += 1
         self._port.write(character)
 
     def forget(self) -> None:
         """Drop what has arrived: it answers nothing that is asked from now on."""
         for _ in range(_MOST_READS):
-            if not self._port.read(wait=False):
+            if not self._receive(wait=False):
                 break
         self._rest = b""
         self._arrived.clear()
         self._garbage.clear()
+
+    def raise_unasked(self) -> None:
+        """Raise what the controller has said unasked: nothing may move before somebody has looked.
+
+        Raises
+        ------
+        UnsafeError
+            After an alarm, once; after a restart, until it is homed.
+        """
+        self.forget()
+        number, self._alarm = self._alarm, None
+        if number is not None:
+            self.in_step = False
+            raise UnsafeError(str(alarm(number)))
+        if self.restarted:
+            raise UnsafeError(f"{RESTARTED}. Look at its power; then connect the stage anew")
+
+    def know_origin(self) -> None:
+        """Take the origin for known: the limit switches have just been found."""
+        self.homed, self.restarted = True, False
 
     def ask(self, line: str, seconds: float | None = None, stopped: Event | None = None) -> list[str]:
         """Send a line, wait for its ``ok``, return the lines that came before it.
@@ -104,6 +144,10 @@ class GrblLink:
                 came.append(reply)
                 if reply.startswith("<Hold"):
                     deadline = self._clock.now() + limit
+                report = parse_report(reply)
+                if report is not None and report.feed_override not in {None, 100}:
+                    # Somebody turned it on the controller's own panel; the limits are those of full speed.
+                    self.send(FULL_FEED)
             _raise_if_set(stopped)
             if self._is_over(deadline):
                 raise self._silence(f"did not answer {line!r} within {limit:g} s")
@@ -155,6 +199,8 @@ class GrblLink:
                 self._n_numbers = len(position)
                 return report, position
             before = now
+        if report.state in {"Run", "Jog", "Home"}:
+            raise bad_state(report.state)
         raise self._silence(f"sent no two status reports that agree within {_ANSWER_LIMIT:g} s")
 
     def reset(self, seconds: float) -> None:
@@ -190,6 +236,11 @@ class GrblLink:
         if match is None:
             raise DeviceError(f"{self._port.name}: {banner!r} is no GRBL 1.1. Install GRBL 1.1 on the controller")
         self.version = match[1]
+        # Of several resets, and the start of the board itself, the greetings come one after the other.
+        n_silent = 0
+        while self._n_greetings_due > 0 and n_silent < _ECHO_POLLS:
+            n_silent = 0 if self._receive() else n_silent + 1
+        self._n_greetings_due = 0
         self.ask("")
 
     def _lines(self) -> Iterator[str]:
@@ -210,28 +261,44 @@ class GrblLink:
         """
         return self._looked > deadline and not self._arrived
 
-    def _receive(self) -> None:
+    def _receive(self, wait: bool = True) -> bytes:
         self._looked = self._clock.now()
-        *lines, rest = (self._rest + self._port.read()).split(b"\n")
+        received = self._port.read(wait=wait)
+        *lines, rest = (self._rest + received).split(b"\n")
         self._rest = rest[-_LONGEST_LINE:]
         for raw in lines:
             line = raw.decode("ascii", "replace").strip("\r")
             self._learn(line)
             self._arrived.append(line)
+        return received
 
     def _learn(self, line: str) -> None:
-        report = parse_report(line)
+        report, numbered = parse_report(line), _NUMBERED.fullmatch(line)
         if report is not None:
             self._offset = report.offset or self._offset
+            self.homed = self.homed if report.homed is None else report.homed
+        elif _ANY_BANNER.fullmatch(line):
+            self._heed_greeting()
+        elif numbered is not None and numbered[1] == "ALARM":
+            self._alarm = int(numbered[2])
         elif line and not _is_known(line):
             self._garbage.append(line)
+
+    def _heed_greeting(self) -> None:
+        if self._n_greetings_due > 0:
+            self._n_greetings_due -= 1
+        else:
+            self.homed, self.restarted = False, True
 
     def _raise_if_bad(self, reply: str, line: str) -> None:
         if (match := _NUMBERED.fullmatch(reply)) is not None:
             self.in_step = match[1] == "error"
-            raise refusal(int(match[2]), line) if self.in_step else alarm(int(match[2]))
-        if _ANY_BANNER.fullmatch(reply):
-            raise DeviceError("the controller restarted by itself. Look at its power, then connect and home the stage")
+            if self.in_step:
+                raise refusal(int(match[2]), line)
+            self._alarm = None
+            raise alarm(int(match[2]))
+        if _ANY_BANNER.fullmatch(reply) and self.restarted:
+            raise UnsafeError(f"{RESTARTED}. Look at its power; then connect the stage anew")
         report = parse_report(reply)
         # A locked controller answers all the same, and by number.
         if report is not None and report.state in {"Door", "Sleep"}:

@@ -6,12 +6,14 @@ import re
 from dataclasses import dataclass
 
 _STATES = "Idle|Run|Hold|Jog|Alarm|Door|Check|Home|Sleep"
-_NUMBERS = r"-?\d+\.\d{3}(?:,-?\d+\.\d{3}){2,5}"
+_NUMBERS = r"-?\d+\.\d{3}(?:,-?\d+\.\d{3}){2,7}"
 _REPORT = re.compile(
     rf"<(?P<state>{_STATES})(?::(?P<part>\d\d?))?\|(?P<kind>[MW])Pos:(?P<position>{_NUMBERS})"
-    r"(?P<fields>(?:\|[A-Za-z]+:[^|<>:]*)*)>"
+    r"(?P<fields>(?:\|[A-Za-z][A-Za-z0-9]*:[^|<>:]*)*)>"
 )
 _OFFSET = re.compile(rf"\|WCO:({_NUMBERS})(?=\||$)")
+_HOMED = re.compile(r"\|H:([01])(?:,\d+)?(?=\||$)")  # grblHAL's word: 1 = every axis that can be homed is
+_FEED_OVERRIDE = re.compile(r"\|Ov:(\d+),\d+,\d+(?=\||$)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +32,10 @@ class Report:
         Of which of the two.
     offset : tuple of float, shape (n_letters,), or None
         From machine to work position; most reports leave it out.
+    homed : bool or None
+        What grblHAL says of it; None where a report says nothing.
+    feed_override : int or None
+        Percent; most reports leave it out.
     """
 
     state: str
@@ -37,6 +43,8 @@ class Report:
     position: tuple[float, ...]
     is_machine: bool
     offset: tuple[float, ...] | None
+    homed: bool | None
+    feed_override: int | None
 
     @property
     def rests(self) -> bool:
@@ -53,7 +61,16 @@ def parse_report(line: str) -> Report | None:
     position, offset = _numbers(match["position"]), _offset(match["fields"])
     if offset is not None and len(offset) != len(position):
         return None
-    return Report(match["state"], int(match["part"] or 0), position, match["kind"] == "M", offset)
+    homed, override = _HOMED.search(match["fields"]), _FEED_OVERRIDE.search(match["fields"])
+    return Report(
+        match["state"],
+        int(match["part"] or 0),
+        position,
+        match["kind"] == "M",
+        offset,
+        None if homed is None else homed[1] == "1",
+        None if override is None else int(override[1]),
+    )
 
 
 def machine_position(report: Report, offset: tuple[float, ...] | None) -> tuple[float, ...] | None:

@@ -10,13 +10,13 @@ from pydantic import Field, model_validator
 from drivers.axes.settings import AxisSettings, Name, axes_problems
 from drivers.device_settings import DeviceSettings
 
-LETTERS = "XYZABC"
+LETTERS = "XYZABCUV"
 
 
 class GrblAxis(AxisSettings):
     """One axis and the letter that moves it; the firmware calls its units millimetres."""
 
-    letter: Literal["X", "Y", "Z", "A", "B", "C"] = Field(description="of the firmware")
+    letter: Literal["X", "Y", "Z", "A", "B", "C", "U", "V"] = Field(description="of the firmware")
     scale: float = Field(
         default=1.0,
         description="units of the firmware (its mm) per degree or millimetre; negative turns the sense round",

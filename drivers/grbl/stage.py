@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from drivers.axes.motion import AxisMotion, duration, fastest_rate
 from drivers.axes.settings import check_target
 from drivers.clock import Clock, RealClock
-from drivers.errors import DeviceError
+from drivers.errors import DeviceError, NotHomedError, UnsafeError
 from drivers.grbl.codes import bad_state
 from drivers.grbl.controller import GrblController
 from drivers.grbl.firmware import Firmware
-from drivers.grbl.link import HOLD, RESUME, GrblLink
+from drivers.grbl.link import FULL_FEED, HOLD, RESTARTED, RESUME, GrblLink
 from drivers.grbl.settings import GrblSettings
 from drivers.serial_link.port import usb_serial_number
 from drivers.stage import StageDescription
@@ -87,7 +87,9 @@ class GrblStage:
         with self._controller.conversation() as link:
             if self._settings.homing:
                 self._controller.run_homing(link, self._firmware.homing_limit(self._settings.axes))
-            self._go(link, {axis.name: 0.0 for axis in self._settings.axes})
+            else:
+                _refuse_restarted(link)
+            self._go(link, self._rest_position(link), {axis.name: 0.0 for axis in self._settings.axes})
 
     def move(self, target: Mapping[str, float]) -> dict[str, float]:
         """Move the named axes in a straight line, wait until they rest, return every axis' read-back.
@@ -97,14 +99,16 @@ class GrblStage:
         DeviceLimitError
             If an axis does not exist or a target is outside its soft limits; nothing has been sent then.
         DeviceError
-            If the controller is locked or raises an alarm, if `stop` was called, or if an axis is not where it should
-            be; all rests then.
+            If the controller is locked or raises an alarm, if it was not homed since it was connected, if `stop` was
+            called, or if an axis is not where it should be; all rests then.
+        UnsafeError
+            If it has restarted, or raised an alarm that nobody asked for.
         DeviceTimeoutError
             If the move takes longer than its way and the acceleration explain.
         """
         self._check(target)
         with self._controller.conversation() as link:
-            return self._go(link, target)
+            return self._go(link, self._position(link), target)
 
     def move_duration(self, target: Mapping[str, float]) -> float:
         """Return the seconds that `move` would take from here, settling included; from zero, if it is to be homed yet.
@@ -117,8 +121,9 @@ class GrblStage:
         self._check(target)
         with self._controller.conversation() as link:
             report, machine = link.at_rest()
-        homeless = {axis.name: 0.0 for axis in self._settings.axes}
-        return self._duration(homeless if report.state == "Alarm" else self._named(machine), target)
+            homeless = report.state == "Alarm" or not self._has_origin(link)
+        zero = {axis.name: 0.0 for axis in self._settings.axes}
+        return self._duration(zero if homeless else self._named(machine), target)
 
     def read(self) -> dict[str, float]:
         """Return the position of every axis in degrees or millimetres.
@@ -126,7 +131,10 @@ class GrblStage:
         Raises
         ------
         DeviceError
-            If the controller is locked, so that its position means nothing.
+            If the controller is locked or was not homed since it was connected, so that its position means nothing, or
+            if it is beyond its limits.
+        UnsafeError
+            If it has restarted, or raised an alarm that nobody asked for.
         """
         with self._controller.conversation() as link:
             return self._position(link)
@@ -149,21 +157,44 @@ class GrblStage:
         self._firmware.check(self._settings)
         self._controller.stopping_time = 1.5 * self._firmware.stopping_time(self._settings.axes) + _STOP_MARGIN
 
-    def _go(self, link: GrblLink, target: Mapping[str, float]) -> dict[str, float]:
-        start = self._position(link)
+    def _go(self, link: GrblLink, start: Mapping[str, float], target: Mapping[str, float]) -> dict[str, float]:
         feed = 60.0 * fastest_rate(self._motions(start, target))
         if feed > 0.0:
             words = self._words(target)
             limit = 1.5 * self._duration(start, target) + _MOVE_MARGIN
+            link.send(FULL_FEED)
             # Every mode is said anew, so that none that somebody else left behind changes what is meant. The answer to
             # the dwell comes when the motion has ended, which no report of the state tells as surely.
             self._controller.run(link, f"G21G90G94G53G1{words}F{feed:.1f}")
             self._controller.run(link, f"G4P{self._settings.settling_time_s:.3f}", limit)
-        arrived = self._position(link)
+        arrived = self._rest_position(link)
         self._check_arrival(target, arrived)
         return arrived
 
     def _position(self, link: GrblLink) -> dict[str, float]:
+        """Return where the stage is, if that can be known, and can be."""
+        link.raise_unasked()
+        position = self._rest_position(link)
+        if not self._has_origin(link):
+            raise NotHomedError(
+                "the stage was not homed since it was connected: its position is unknown. Home the stage."
+            )
+        beyond = [
+            f"axis {axis.name} is at {position[axis.name]:g}, its limits are {axis.soft_limits[0]:g} and "
+            f"{axis.soft_limits[1]:g}"
+            for axis in self._settings.axes
+            if not axis.soft_limits[0] - axis.tolerance <= position[axis.name] <= axis.soft_limits[1] + axis.tolerance
+        ]
+        if beyond:
+            raise DeviceError(
+                f"{'; '.join(beyond)}: it was moved there by hand or counts from elsewhere. Home the stage."
+            )
+        return position
+
+    def _has_origin(self, link: GrblLink) -> bool:
+        return link.homed if self._settings.homing else not link.restarted
+
+    def _rest_position(self, link: GrblLink) -> dict[str, float]:
         report, machine = link.at_rest()
         if report.state != "Idle":
             raise bad_state(report.state)
@@ -206,3 +237,12 @@ class GrblStage:
             for axis in self._settings.axes
             if axis.name in target
         ]
+
+
+def _refuse_restarted(link: GrblLink) -> None:
+    link.forget()
+    if link.restarted:
+        raise UnsafeError(
+            f"{RESTARTED}, and without limit switches it cannot find out. Switch it off, turn the axes to their zero "
+            "by hand, switch it on and connect it anew. Poses from here on would be about another origin"
+        )

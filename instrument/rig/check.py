@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.camera import CameraDescription
-from drivers.errors import DeviceError
+from drivers.errors import DeviceError, NotHomedError
 from drivers.light import LightDescription
 from drivers.registry import open_devices
 from drivers.stage import AxisDescription, StageDescription
@@ -115,6 +115,11 @@ def _look_at_stage(rig: Rig, home: bool) -> Findings:
     if home:
         rig.stage.home()
         yield Finding("PASS", "stage", "found its zero")
+    try:
+        rig.stage.read()
+    except NotHomedError as error:
+        yield Finding("WARN", "stage", f"{error} It was not moved; `--home` lets it find its zero first")
+        return
     for axis in rig.stage.describe().axes:
         yield _moved_a_little(rig, axis)
 

@@ -60,6 +60,8 @@ class Prepared:
         auto = self.protocol.bracket.auto
         if auto is None:
             return self, None
+        # Before it has found its zero, a stage goes anywhere but where it is told.
+        rig.stage.home()
         metered = meter(rig, self.plan, auto)
         plan = Plan.from_protocol(self.protocol, self.chosen, metered.exposure_times)
         raise_if_any(TITLE, _kept_problems(rig, self.protocol, plan, self.kept))

@@ -45,7 +45,10 @@ def test_three_real_drivers_capture_a_session_that_verifies(rig: RealRig):
 
 
 def test_the_same_rig_passes_its_check_and_its_devices_are_told(rig: RealRig):
-    checked = rig.run("rig", "check", rig.rig)
+    unmoved = rig.run("rig", "check", rig.rig)
+    assert unmoved.returncode == 3, unmoved.stdout
+    assert "not homed since it was connected" in unmoved.stdout
+    checked = rig.run("rig", "check", rig.rig, "--home")
     assert checked.returncode == 0, checked.stdout
     for text in ("Thorlabs DC2200", "GRBL 1.1h", "Aravis Fake", "gain 0 (0 to 10)", "sees the light"):
         assert text in checked.stdout

@@ -35,6 +35,8 @@ def double() -> Iterator[GrblDouble]:
 def stage(double: GrblDouble) -> Iterator[GrblStage]:
     stage = GrblStage(settings_of(double), double.clock)
     stage.connect()
+    if double.state == "Idle":
+        stage.home()
     yield stage
     stage.disconnect()
 
@@ -51,6 +53,10 @@ def slow() -> Iterator[GrblDouble]:
 def slow_stage(slow: GrblDouble) -> Iterator[GrblStage]:
     stage = GrblStage(settings_of(slow), slow.clock)
     stage.connect()
+    slow.pace = 50.0
+    stage.home()
+    slow.pace = 2.0
+    slow.go_on()
     slow.waits_after = 0.3
     yield stage
     stage.disconnect()
@@ -149,7 +155,8 @@ class TestConnecting:
         stage = GrblStage(settings_of(slow), slow.clock)
         stage.connect()
         assert not slow.moves()
-        assert -160.0 < stage.read()["turn"] < 0.0
+        assert slow.state == "Idle"
+        assert -180.0 < slow.machine.position[0] < -100.0
         stage.disconnect()
 
 
@@ -205,6 +212,81 @@ def test_without_limit_switches_homing_goes_back_to_where_it_was_switched_on():
         stage.disconnect()
 
 
+class TestOrigin:
+    """Where the axes stand is known by evidence of this connection, or not at all."""
+
+    def test_an_idle_controller_that_was_not_homed_is_not_moved(self, double: GrblDouble):
+        """As grblHAL boots with $22=1."""
+        stage = GrblStage(settings_of(double), double.clock)
+        stage.connect()
+        for act in (stage.read, lambda: stage.move({"tilt": 1.0})):
+            with pytest.raises(DeviceError, match=r"not homed since it was connected.*Home the stage"):
+                act()
+        assert not [line for line in double.received if line.startswith("G")]
+        stage.home()
+        assert stage.read() == {"tilt": 0.0, "turn": 0.0}
+        stage.disconnect()
+
+    def test_a_restart_at_rest_is_kept_until_the_next_call(self, stage: GrblStage, double: GrblDouble):
+        moved = [line for line in double.received if line.startswith("G21")]
+        double.settings[22] = 0  # so that it is not locked, which would tell
+        double.power_cycle()
+        until(lambda: double.exchanged()[1] > 0)
+        for _ in range(2):
+            with pytest.raises(UnsafeError, match="restarted by itself, so that nobody knows where its axes stand"):
+                stage.move({"tilt": 1.0})
+        assert [line for line in double.received if line.startswith("G21")] == moved
+
+    def test_homing_mends_a_restart(self, stage: GrblStage, double: GrblDouble):
+        double.power_cycle()
+        with pytest.raises(UnsafeError, match="restarted by itself"):
+            stage.read()
+        stage.home()
+        assert stage.read() == {"tilt": 0.0, "turn": 0.0}
+
+    def test_without_limit_switches_nothing_mends_a_restart(self):
+        with GrblDouble(settings={20: 0, 22: 0}) as double:
+            stage = GrblStage(settings_of(double, homing=False), double.clock)
+            stage.connect()
+            stage.move({"tilt": 20.0})
+            double.power_cycle()
+            for act in (stage.home, stage.read, lambda: stage.move({"tilt": 1.0})):
+                with pytest.raises(UnsafeError, match="restarted by itself"):
+                    act()
+            with pytest.raises(UnsafeError, match="turn the axes to their zero by hand"):
+                stage.home()
+            stage.disconnect()
+
+    def test_a_hard_limit_at_rest_is_named(self, stage: GrblStage, double: GrblDouble):
+        double.press_limit_switch()
+        with pytest.raises(UnsafeError, match=r"ALARM:1, hard limit"):
+            stage.move({"tilt": 1.0})
+
+    def test_greetings_that_come_late_are_no_restart(self, double: GrblDouble):
+        """A board that the opening of its port restarts hears some of the resets, and greets for each."""
+        stage = GrblStage(settings_of(double), double.clock)
+        double.banner = "Grbl 1.1h ['$' for help]\r\n\r\nGrbl 1.1h ['$' for help]"
+        stage.connect()
+        double.banner = "Grbl 1.1h ['$' for help]"
+        stage.home()
+        assert stage.move({"tilt": 1.0})["tilt"] == 1.0
+        stage.disconnect()
+
+    def test_a_stage_beyond_its_limits_is_not_where_it_says(self, stage: GrblStage, double: GrblDouble):
+        double.machine.position[1] = -10.0
+        for act in (stage.read, lambda: stage.move({"tilt": 1.0})):
+            with pytest.raises(DeviceError, match=r"axis tilt is at -90, its limits are -65 and 65.*Home the stage"):
+                act()
+        stage.home()
+        assert stage.read()["tilt"] == 0.0
+
+    def test_a_stage_that_a_pendant_jogs_is_said_to_be_jogged(self, slow_stage: GrblStage, slow: GrblDouble):
+        slow.jog("X-20F1200")
+        until(slow.waits)
+        with pytest.raises(DeviceError, match=r"it is jogged by somebody else\. End the jog"):
+            slow_stage.read()
+
+
 class TestMoving:
     @pytest.mark.parametrize("target", [{"tilt": 65.1}, {"turn": float("nan")}, {"tilt": 1.0, "lift": 0.0}])
     def test_what_is_out_of_limits_is_refused_before_a_byte_is_sent(self, stage, double, target):
@@ -219,13 +301,14 @@ class TestMoving:
         double._modes = {"motion": "G0", "distance": "G91", "units": "G20"}
         double.offset = [7.0, 8.0, 9.0]
         assert stage.move({"tilt": 30.0, "turn": -90.0}) == {"tilt": 30.0, "turn": -90.0}
-        assert double.machine.position == pytest.approx([-145.0, -130.0, 0.0])
+        assert double.machine.position == pytest.approx([-145.0, -130.0, -1.0])
 
     def test_work_positions_are_turned_into_those_of_the_machine(self):
         with GrblDouble(settings={10: 0}) as double:
             double.offset = [7.0, 8.0, 9.0]
             stage = GrblStage(settings_of(double), double.clock)
             stage.connect()
+            stage.home()
             assert stage.move({"tilt": 30.0}) == {"tilt": 30.0, "turn": 0.0}
             stage.disconnect()
 
@@ -291,6 +374,7 @@ class TestInterfering:
             clock = hasty(double)
             stage = GrblStage(settings_of(double), clock)
             stage.connect()
+            stage.home()
             limit = 1.5 * stage.move_duration(LONG) + 2.0
             double.waits_after = 0.3
             move = moving(begin, stage, double)
@@ -365,6 +449,7 @@ def test_a_move_that_is_called_off_is_halted_by_the_stop_that_follows(slow_stage
 def test_any_line_may_be_spoiled_and_no_position_is_wrong(double: GrblDouble, n_lines: int, raw: bytes):
     stage = GrblStage(settings_of(double), hasty(double))
     stage.connect()
+    stage.home()
     double.spoiled_at = (n_lines, raw)
     try:
         assert stage.move({"tilt": 20.0, "turn": -40.0}) == {"tilt": 20.0, "turn": -40.0}
@@ -390,6 +475,7 @@ def test_a_stage_that_was_lost_is_connected_again(tmp_path: Path):
         port.unlink()
         port.symlink_to(double.port)
         stage.connect()
+        stage.home()
         assert stage.move({"tilt": 1.0})["tilt"] == 1.0
         stage.disconnect()
 
@@ -399,6 +485,7 @@ class TestBadWire:
     def stage(self, double: GrblDouble) -> Iterator[GrblStage]:
         stage = GrblStage(settings_of(double), hasty(double))
         stage.connect()
+        stage.home()
         yield stage
         stage.disconnect()
 

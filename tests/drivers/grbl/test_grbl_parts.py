@@ -75,7 +75,7 @@ def test_numbers_that_no_documentation_knows_are_named_all_the_same():
 
 
 def test_what_needs_somebody_to_look_is_not_tried_again():
-    assert [n for n in ALARMS if isinstance(alarm(n), UnsafeError)] == [1, 7, 8, 9]
+    assert [n for n in ALARMS if isinstance(alarm(n), UnsafeError)] == [1, 7, 8, 9, 10, 12, 15, 16, 17, 18]
     assert isinstance(bad_state("Door"), UnsafeError)
 
 
@@ -132,3 +132,32 @@ def test_a_controller_that_lost_its_settings_is_found_by_its_steps():
     with pytest.raises(DeviceError, match=rf"\${100 + axis.i_letter} is 250, rig.toml has 88.889 as steps_per_unit"):
         lost.check(stage)
     assert f"steps of axis {axis.name}" in {setting.name for setting in right.read_back((axis,))}
+
+
+@pytest.mark.parametrize(
+    ("line", "n_axes", "homed", "override"),
+    [
+        ("<Idle|MPos:0.000,0.000,0.000,0.000,0.000,0.000,0.000,0.000|FS:0,0>", 8, None, None),
+        ("<Idle|WPos:0.000,0.000,0.000|Bf:35,1023|Ln:99|FS:0,0|WCO:0.000,0.000,0.000|H:1,7|T:0>", 3, True, None),
+        ("<Alarm:11|MPos:0.000,0.000,0.000|FS:0,0|Ov:50,100,100|H:0|P0:1|FW:grblHAL>", 3, False, 50),
+    ],
+)
+def test_reports_of_other_boards_are_read(line: str, n_axes: int, homed: bool | None, override: int | None):
+    report = parse_report(line)
+    assert report is not None
+    assert (len(report.position), report.homed, report.feed_override) == (n_axes, homed, override)
+
+
+@pytest.mark.parametrize("number", range(10, 19))
+def test_alarms_of_grblhal_have_a_name_too(number: int):
+    assert "not in the documentation" not in str(alarm(number))
+
+
+def test_an_emergency_stop_is_unsafe_by_alarm_and_by_error():
+    assert isinstance(alarm(10), UnsafeError)
+    assert isinstance(refusal(50, "G0"), UnsafeError)
+
+
+def test_an_axis_without_ends_has_no_travel_to_stay_in():
+    values = {20: 1.0, 100: 100.0, 110: 500.0, 120: 50.0, 130: 0.0}
+    assert list(Firmware(values, "", "", "")._beyond_travel(TURN)) == []
