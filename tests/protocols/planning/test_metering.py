@@ -1,3 +1,4 @@
+from contextlib import suppress
 from itertools import combinations
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from protocols.capture.engine import Finish, capture
 from protocols.planning.metering import SceneRange, fewest_exposures, largest_noise, scout_poses
 from protocols.planning.prepare import prepare
 from tests.faults.bench import FaultyBench, rig_config
+from tests.protocols.fakes import FakeBench
+from tests.protocols.fakes import rig_config as fake_rig_config
 
 WELL, READ_NOISE = 8000.0, 3.0
 
@@ -99,3 +102,12 @@ def test_an_estimate_of_a_metered_bracket_lights_nothing() -> None:
         prepared = prepare(rig, protocol(noise=0.02, most_exposures=4))
         assert len(prepared.plan.exposure_times) == 4
         assert not rig.light.read().lit
+
+
+def test_scout_frames_are_taken_after_the_stage_has_found_its_zero() -> None:
+    bench = FakeBench()
+    with Rig.connected(fake_rig_config(), bench.devices) as rig, suppress(UnsafeError):
+        prepare(rig, protocol(noise=0.05, most_exposures=4)).metered(rig)
+    moves = [call for call in bench.calls if call in {"stage.home", "stage.move"}]
+    assert moves[0] == "stage.home"
+    assert "stage.move" in moves
