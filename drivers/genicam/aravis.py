@@ -15,7 +15,7 @@ from threading import Thread
 from typing import Any
 
 from drivers.errors import DeviceError, DeviceLostError, DriverNotFoundError
-from drivers.genicam.link import Identity, Number, RawFrame, Region, Side, Steps
+from drivers.genicam.link import Identity, Number, RawFrame, Region, Side, Steps, Value
 from drivers.genicam.listing import ListedCamera
 
 _HELP = (
@@ -25,6 +25,7 @@ _HELP = (
 )
 # One that is filled, one that waits to be, and one that is read.
 _N_BUFFERS = 3
+_KINDS = {"string": str, "boolean": bool, "float": float, "integer": float}
 _MICROSECONDS = {"exposure_time": 1e6}
 # Names of before the naming convention 2 last.
 _NAMES = {"gain": ("Gain", "GainRaw"), "black_level": ("BlackLevel", "BlackLevelRaw")}
@@ -139,15 +140,24 @@ class AravisLink:
         with self._explained():
             return tuple(self._open().dup_available_enumerations_as_strings(feature))
 
-    def flag(self, feature: str) -> bool:
-        """Return a flag."""
+    def value(self, feature: str) -> Value:
+        """Return the value of a feature of any kind; a whole number as a float."""
         with self._explained():
-            return bool(self._open().get_boolean(feature))
+            kind = self._kind(feature)
+            found: Value = _KINDS[kind](getattr(self._open(), f"get_{kind}")(feature))
+            return found
 
-    def set_flag(self, feature: str, value: bool) -> None:
-        """Set a flag."""
+    def set_value(self, feature: str, value: Value) -> None:
+        """Set a feature to a value of its own kind."""
         with self._explained():
-            self._open().set_boolean(feature, value)
+            kind = self._kind(feature)
+            getattr(self._open(), f"set_{kind}")(feature, int(value) if kind == "integer" else value)
+
+    def _kind(self, feature: str) -> str:
+        node = self._open().get_device().get_feature(feature)
+        kinds = {"GcEnumeration": "string", "GcBoolean": "boolean", "GcFloat": "float", "GcInteger": "integer"}
+        # A choice is a whole number, too, so that the order counts.
+        return next((kind for name, kind in kinds.items() if isinstance(node, getattr(self._aravis, name))), "string")
 
     def has_number(self, name: Number) -> bool:
         """Whether the camera has that number under any of its names."""

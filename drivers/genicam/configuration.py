@@ -9,31 +9,12 @@ from dataclasses import dataclass
 from drivers.camera import CameraDescription
 from drivers.errors import DeviceError, DeviceLimitError
 from drivers.genicam.link import GenicamLink, Region, Side, Steps
+from drivers.genicam.neutral import put_to_neutral
 from drivers.genicam.pixels import PixelFormat, deepest, raw_format, shifted_pattern
 from drivers.genicam.settings import GenicamSettings
 from drivers.limits import Limits
 from drivers.readback import Setting, confirm
 
-# Whatever changes counts, or the time between frames, by itself; a camera has some of them.
-_AUTOMATICS = (
-    ("ExposureMode", "Timed"),
-    ("ExposureAuto", "Off"),
-    ("GainAuto", "Off"),
-    ("BlackLevelAuto", "Off"),
-    ("BalanceWhiteAuto", "Off"),
-    ("AcquisitionFrameRateAuto", "Off"),
-)
-_PROCESSING = (
-    "AcquisitionFrameRateEnable",
-    "AcquisitionFrameRateEnabled",
-    "GammaEnable",
-    "GammaEnabled",
-    "LUTEnable",
-    "SharpnessEnabled",
-    "SaturationEnabled",
-    "ReverseX",
-    "ReverseY",
-)
 _PIXEL_FORMAT = "PixelFormat"
 # Cameras keep gains in steps of up to a tenth of a decibel.
 _GAIN_TOLERANCE = 0.11
@@ -69,7 +50,7 @@ def configure(link: GenicamLink, wanted: GenicamSettings, width: int, height: in
     DeviceError
         If it does not keep what it was given.
     """
-    switch_off_automatics(link)
+    put_to_neutral(link)
     pixels = _set_pixel_format(link, wanted)
     region = _set_region(link, wanted, width, height)
     gain = _set_gain(link, wanted.gain_db)
@@ -102,24 +83,6 @@ def describe(
         firmware=identity.firmware,
         settings=found.settings,
     )
-
-
-def switch_off_automatics(link: GenicamLink) -> None:
-    """Switch off whatever the camera would change by itself.
-
-    Raises
-    ------
-    DeviceError
-        If it stays on.
-    """
-    for feature, value in _AUTOMATICS:
-        if link.has(feature) and link.text(feature) != value:
-            link.set_text(feature, value)
-            _check_kept(feature, value, link.text(feature))
-    for feature in _PROCESSING:
-        if link.has(feature) and link.flag(feature):
-            link.set_flag(feature, False)
-            _check_kept(feature, "off", "on" if link.flag(feature) else "off")
 
 
 def _check_kept(name: str, wanted: str, read_back: str) -> None:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol, TypeAlias
 
 Number = Literal["exposure_time", "gain", "black_level"]
 """In seconds, in the unit that `GenicamLink.unit` tells, and in the camera's own."""
+
+Value: TypeAlias = str | bool | float
+"""Of a choice or text, a flag, or a number."""
 
 Side = Literal["width", "height", "x_offset", "y_offset"]
 
@@ -79,11 +82,11 @@ class GenicamLink(Protocol):
     def choices(self, feature: str) -> tuple[str, ...]:
         """Return what a choice can be."""
 
-    def flag(self, feature: str) -> bool:
-        """Return a flag."""
+    def value(self, feature: str) -> Value:
+        """Return the value of a feature of any kind; a whole number as a float."""
 
-    def set_flag(self, feature: str, value: bool) -> None:
-        """Set a flag."""
+    def set_value(self, feature: str, value: Value) -> None:
+        """Set a feature to a value of its own kind."""
 
     def has_number(self, name: Number) -> bool:
         """Whether the camera has that number under any of its names."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from drivers.errors import DeviceError, DeviceLostError
 from drivers.genicam.camera import GenicamCamera
-from drivers.genicam.link import Identity, RawFrame, Region, Steps
+from drivers.genicam.link import Identity, RawFrame, Region, Steps, Value
 from drivers.genicam.settings import GenicamSettings
 
 WIDTH, HEIGHT = 16, 8
@@ -55,6 +55,8 @@ class LinkDouble:
     place: Region = field(default_factory=lambda: Region(0, 0, 1920, 1200))
     keep: Callable[[str, float], float] = lambda _name, value: value
     stubborn: tuple[str, ...] = ()
+    locked: tuple[str, ...] = ()
+    selections: dict[str, tuple[str, ...]] = field(default_factory=dict)
     warmth: float = math.nan
     ids: list[int] = field(default_factory=list)
     late: list[RawFrame] = field(default_factory=list)
@@ -80,13 +82,25 @@ class LinkDouble:
             self.features[feature] = value
 
     def choices(self, feature: str) -> tuple[str, ...]:
-        return self.formats
+        return self.formats if feature == "PixelFormat" else self.selections.get(feature, ("Off", "Continuous"))
 
-    def flag(self, feature: str) -> bool:
-        return bool(self.features[feature])
+    def value(self, feature: str) -> Value:
+        selector = f"{feature}Selector"
+        if isinstance(found := self.features[feature], dict):
+            found = found[self.features[selector]]
+        assert isinstance(found, str | bool | float)
+        return found
 
-    def set_flag(self, feature: str, value: bool) -> None:
-        if feature not in self.stubborn:
+    def set_value(self, feature: str, value: Value) -> None:
+        assert isinstance(value, type(self.value(feature)))
+        assert not isinstance(value, str) or value in self.choices(feature)
+        if feature in self.locked:
+            raise DeviceError(f"{feature} is locked")
+        if feature in self.stubborn:
+            return
+        if isinstance(parts := self.features[feature], dict):
+            parts[self.features[f"{feature}Selector"]] = value
+        else:
             self.features[feature] = value
 
     def has_number(self, name: str) -> bool:

@@ -128,8 +128,8 @@ class TestTodaysCameras:
         link = camera._link
         assert link is not None
         assert link.text("ExposureAuto") == "Off"
-        assert not link.flag("GammaEnable")
-        assert not link.flag("AcquisitionFrameRateEnable")
+        assert not link.value("GammaEnable")
+        assert not link.value("AcquisitionFrameRateEnable")
         camera.disconnect()
 
 

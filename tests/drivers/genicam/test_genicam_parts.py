@@ -143,6 +143,62 @@ class TestConfiguring:
         assert not link.features["GammaEnable"]
         assert not link.features["AcquisitionFrameRateEnable"]
 
+    @pytest.mark.parametrize(
+        ("feature", "value", "choices", "neutral"),
+        [
+            ("Gamma", 0.45, (), 1.0),
+            ("EdgeFilter", "Sharpen1", ("Smooth1", "Off", "Sharpen1"), "Off"),
+            ("IrisAuto", "Continuous", ("Off", "Continuous"), "Off"),
+            ("pgrHDRModeEnabled", True, (), False),
+            ("DigitalShift", 2.0, (), 0.0),
+            ("ContrastEnable", True, (), False),
+            ("BslContrastMode", "SCurve", ("Linear", "SCurve"), "Linear"),
+            ("NoiseReduction", 1.5, (), 0.0),
+            ("ColorTransformationEnable", True, (), False),
+            ("TestPattern", "GreyHorizontalRamp", ("Off", "GreyHorizontalRamp"), "Off"),
+            ("SequencerMode", "On", ("On", "Off"), "Off"),
+            ("ExposureMode", "TriggerWidth", ("Off", "Timed", "TriggerWidth"), "Timed"),
+            ("DecimationVertical", 2.0, (), 1.0),
+        ],
+    )
+    def test_what_alters_counts_is_put_to_where_it_does_not(
+        self, link: LinkDouble, feature: str, value: Any, choices: tuple[str, ...], neutral: Any
+    ):
+        del link.features["GammaEnable"]
+        link.features[feature] = value
+        link.selections[feature] = choices
+        connected(link)
+        assert link.features[feature] == neutral
+
+    def test_a_gamma_that_is_switched_off_may_have_any_value(self, link: LinkDouble):
+        link.features["Gamma"] = 0.45
+        link.locked = ("Gamma",)
+        connected(link)
+        assert link.features["GammaEnable"] is False
+
+    def test_the_white_balance_of_every_colour_is_one(self, link: LinkDouble):
+        link.features |= {"BalanceRatio": {"Red": 1.6, "Blue": 2.1}, "BalanceRatioSelector": "Blue"}
+        link.selections["BalanceRatioSelector"] = ("Red", "Blue")
+        connected(link)
+        assert link.features["BalanceRatio"] == {"Red": 1.0, "Blue": 1.0}
+
+    def test_gain_is_set_for_all_parts_of_the_camera(self, link: LinkDouble):
+        link.features["GainSelector"] = "DigitalAll"
+        link.selections["GainSelector"] = ("All", "DigitalAll")
+        connected(link)
+        assert link.features["GainSelector"] == "All"
+
+    def test_a_camera_that_cannot_be_linear_is_refused_with_all_that_bends_its_counts(self, link: LinkDouble):
+        link.features |= {"Gamma": 0.45, "EdgeFilter": "Sharpen1"}
+        del link.features["GammaEnable"]
+        link.selections["EdgeFilter"] = ("Sharpen1", "Sharpen2")
+        link.locked = ("Gamma",)
+        with pytest.raises(DeviceError) as refused:
+            connected(link)
+        assert "Gamma was set to 1 and reads back 0.45 (counts are bent): Gamma is locked" in str(refused.value)
+        assert "EdgeFilter is Sharpen1, and none of its choices does nothing" in str(refused.value)
+        assert not link.is_open
+
     @pytest.mark.parametrize("feature", ["GainAuto", "GammaEnable", "PixelFormat"])
     def test_what_does_not_take_a_setting_is_named_and_left_closed(self, link: LinkDouble, feature: str):
         link.stubborn = (feature,)
