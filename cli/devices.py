@@ -45,8 +45,9 @@ def rig() -> None:
 @rig.command(epilog="Example: halfangle rig check examples/simulated.toml")
 @rig_argument
 @home_option
+@click.option("--linearity", is_flag=True, help="Also: are counts proportional to light? Needs a white plate.")
 @json_option
-def check(rig_file: Path, home: bool, as_json: bool) -> None:
+def check(rig_file: Path, home: bool, linearity: bool, as_json: bool) -> None:
     """Connect to each device of RIG (TOML), read it back, blink, move each axis a little, take a frame.
 
     Exit 1 if anything fails, 3 if there are warnings. The light is off and the stage rests when it ends.
@@ -55,7 +56,7 @@ def check(rig_file: Path, home: bool, as_json: bool) -> None:
     from instrument.rig.check import check_rig
 
     findings = []
-    for finding in check_rig(load_rig(rig_file), home=home):
+    for finding in check_rig(load_rig(rig_file), home=home, linearity=linearity):
         findings.append(finding)
         if not as_json:
             click.echo(printable(f"{finding.verdict}  {finding.kind:<6}  {finding.text}", keep=LINE_BREAK))

@@ -15,6 +15,7 @@ from drivers.light import LightDescription
 from drivers.registry import open_devices
 from drivers.stage import AxisDescription, StageDescription
 from instrument.config.rig import RigConfig
+from instrument.rig.linearity import ALLOWED, measure_linearity
 from instrument.rig.rig import OpenDevices, Rig
 
 Verdict = Literal["PASS", "WARN", "FAIL"]
@@ -46,7 +47,9 @@ Findings = Iterator[Finding]
 Counts = NDArray[np.uint16]
 
 
-def check_rig(config: RigConfig, devices: OpenDevices = open_devices, *, home: bool = False) -> Findings:
+def check_rig(
+    config: RigConfig, devices: OpenDevices = open_devices, *, home: bool = False, linearity: bool = False
+) -> Findings:
     """Yield what works and what does not; leave the rig dark, stopped and disconnected.
 
     A device that fails keeps none of the others from being looked at.
@@ -58,6 +61,8 @@ def check_rig(config: RigConfig, devices: OpenDevices = open_devices, *, home: b
         Takes the configuration's tables and returns the devices.
     home : bool
         Let the stage find its zero first, over its whole way.
+    linearity : bool
+        Also take a bracket: on a plate that keeps still, counts have to be proportional to the exposure time.
 
     Raises
     ------
@@ -66,19 +71,21 @@ def check_rig(config: RigConfig, devices: OpenDevices = open_devices, *, home: b
     """
     with Rig.held(config, devices) as rig:
         try:
-            yield from _check(rig, home)
+            yield from _check(rig, home, linearity)
         finally:
             failures = rig.safe()
         yield from (Finding("FAIL", "rig", failure) for failure in failures)
 
 
-def _check(rig: Rig, home: bool) -> Findings:
+def _check(rig: Rig, home: bool, linearity: bool) -> Findings:
     is_lit = yield from _tried("light", lambda: _look_at_light(rig))
     if not _is_dark(rig):
         yield Finding("FAIL", "light", "it may shine. Switch it off by hand; nothing else was tried")
         return
     yield from _tried("stage", lambda: _look_at_stage(rig, home))
-    yield from _tried("camera", lambda: _look_at_camera(rig, is_lit))
+    sees = yield from _tried("camera", lambda: _look_at_camera(rig, is_lit))
+    if linearity and is_lit and sees:
+        yield from _tried("camera", lambda: _look_at_linearity(rig))
 
 
 def _is_dark(rig: Rig) -> bool:
@@ -148,6 +155,21 @@ def _look_at_camera(rig: Rig, is_lit: bool) -> Findings:
     yield Finding("PASS", "camera", f"took a frame of {1000 * exposure_time:g} ms, {_brightness(dark)} in the dark")
     if is_lit:
         yield _seen(dark, _lit_counts(rig))
+
+
+def _look_at_linearity(rig: Rig) -> Findings:
+    found = measure_linearity(rig)
+    times = found.times[0] / found.times[-1]
+    text = (
+        f"counts are proportional to the exposure time within {100 * found.worst:.2f} ± {100 * found.sigma:.2f} % over "
+        f"{times:.0f} to 1 (allowed {100 * ALLOWED:g} %); the light drifted by {100 * found.drift:.2f} % meanwhile"
+    )
+    if not found.is_linear:
+        text += (
+            f". Exposure times that are {1e6 * found.time_offset:.0f} us longer than stated would explain most of it; "
+            "else look for gamma, noise reduction and contrast in the camera's own program"
+        )
+    yield Finding("PASS" if found.is_linear else "FAIL", "camera", text)
 
 
 def _size(rig: Rig, camera: CameraDescription) -> Finding:

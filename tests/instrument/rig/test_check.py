@@ -1,5 +1,6 @@
 """What `halfangle rig check` finds out."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from drivers.limits import Limits
 from drivers.readback import Setting, confirm
 from instrument.rig.check import Finding, check_rig
 from instrument.rig.lock import RigBusyError, hold
-from tests.protocols.fakes import FakeBench, FakeCamera, FakeLight, FakeStage, rig_config
+from tests.protocols.fakes import BLACK, HEIGHT, WIDTH, FakeBench, FakeCamera, FakeLight, FakeStage, rig_config
 
 
 def checked(bench: FakeBench, **options: Any) -> list[Finding]:
@@ -119,3 +120,48 @@ def test_a_value_that_is_not_kept_is_an_error_with_both(read_back: float) -> Non
     confirm("gain", 3.0, 3.05, 0.1, "dB")
     with pytest.raises(DeviceError, match=r"gain was set to 3 dB and reads back (3\.2|nan) dB"):
         confirm("gain", 3.0, read_back, 0.1, "dB")
+
+
+class PlateCamera(FakeCamera):
+    """Sees a plate, through a curve."""
+
+    power, dead_time = 1.0, 0.0
+
+    def counts(self) -> np.ndarray:
+        rng = np.random.default_rng(self.n_triggers)
+        light = 2.0e5 * max(self.exposure_time + self.dead_time, 0.0) * self.bench.lit
+        signal = 4000.0 * (light / 4000.0) ** self.power
+        return np.clip(rng.normal(BLACK + signal, np.sqrt(1.0 + signal), (HEIGHT, WIDTH)), 0, 4095).astype(np.uint16)
+
+
+def linearity_of(monkeypatch: pytest.MonkeyPatch, **curve: Any) -> Finding:
+    camera = type("Camera", (PlateCamera,), curve)
+    bench = FakeBench()
+    monkeypatch.setattr(bench, "devices", lambda _: (camera(bench), FakeLight(bench), FakeStage(bench)))
+    *_, last = checked(bench, linearity=True)
+    assert not bench.lit
+    return last
+
+
+def test_a_camera_whose_counts_are_proportional_to_light_passes(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = linearity_of(monkeypatch)
+    assert found.verdict == "PASS"
+    assert "proportional to the exposure time within" in found.text
+
+
+def test_a_gamma_that_nobody_switched_off_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert linearity_of(monkeypatch, power=0.95).verdict == "FAIL"
+
+
+def test_a_shutter_that_is_open_longer_than_it_says_fails_with_by_how_much(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = linearity_of(monkeypatch, dead_time=2e-4)
+    assert found.verdict == "FAIL"
+    offset = re.search(r"times that are (\d+) us longer than stated", found.text)
+    assert offset is not None
+    assert 150 < int(offset[1]) < 250
+
+
+def test_without_a_plate_that_can_be_seen_it_is_said_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = linearity_of(monkeypatch, counts=lambda _: np.full((HEIGHT, WIDTH), int(BLACK), np.uint16))
+    assert found.verdict == "FAIL"
+    assert "Look at the plate, the light's level and the lens cap" in found.text
