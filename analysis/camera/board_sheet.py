@@ -1,4 +1,4 @@
-"""Sheets to print: marker boards at true size, in their layout around the sample, with what a hand needs beside them."""
+"""Sheets to print: marker boards at true size, in their layout around the sample, with rulers and labels."""
 
 from __future__ import annotations
 
@@ -201,7 +201,11 @@ def _too_large(block: _Block, boards: Sequence[Board], paper: str) -> Problem:
     what = "the boards in their places" if block.is_cut else "the board"
     width, height = _needed(block)
     w, h = PAPERS[paper]
-    remedy = 'boards with corner_mm = "measure" are printed one by one' if block.is_cut else "use smaller squares"
+    remedy = (
+        'boards with corner_mm = "measure" are printed one by one, and lie anywhere'
+        if block.is_cut
+        else "use smaller squares"
+    )
     larger = "" if paper == "a3" else "try --paper a3, or "
     return Problem(
         where,
