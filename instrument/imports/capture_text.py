@@ -8,7 +8,7 @@ from math import isfinite
 
 import numpy as np
 
-from instrument.imports.toml_text import board_lines, key_lines, table_lines
+from instrument.config.toml_text import board_lines, key_lines, table_lines
 from instrument.session.session import Session
 
 

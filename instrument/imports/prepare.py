@@ -9,7 +9,8 @@ from functools import reduce
 from operator import or_
 from pathlib import Path
 
-from instrument.config.loading import load_settings, settings_from_text
+from instrument.config.capture_config import RESPONSE_REMEDY, CaptureConfig, capture_misfits, load_capture
+from instrument.config.loading import settings_from_text
 from instrument.config.messages import dotted
 from instrument.config.toml_lines import KeyPath, TomlLines
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
@@ -20,7 +21,6 @@ from instrument.imports.arrangement import (
     consistency_problems,
     time_problems,
 )
-from instrument.imports.capture_config import RESPONSE_REMEDY, CaptureConfig, capture_misfits
 from instrument.imports.named_folders import has_views
 from instrument.imports.response_curve import Curve, given_curve
 from instrument.imports.selection import select
@@ -48,17 +48,6 @@ class Import:
     arrangement: Arrangement
     sensor: Sensor
     response: Curve | None
-
-
-def load_capture(path: Path) -> CaptureConfig:
-    """Read a `capture.toml`.
-
-    Raises
-    ------
-    InvalidInputError
-        With every problem found, each at ``file:line``.
-    """
-    return load_settings(CaptureConfig, path, capture_misfits)
 
 
 def prepare_import(

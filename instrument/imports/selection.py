@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from instrument.config.capture_config import CaptureConfig, FlatsTable, GroupingTable
 from instrument.config.messages import dotted
-from instrument.imports.capture_config import CaptureConfig, FlatsTable, GroupingTable
 from instrument.imports.finder import Complaint, Finder, Pick
 from instrument.imports.named_folders import BESIDE, called_otherwise
 from instrument.pictures.reading import KNOWN_KINDS

@@ -7,12 +7,12 @@ from collections.abc import Iterator, Sequence
 from math import hypot
 from pathlib import Path
 
+from instrument.config.proposed_boards import PROPOSED_AREA_MM, proposed_boards
+from instrument.config.toml_text import board_lines
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 from instrument.imports.brackets import same_time, split_by_exposure
 from instrument.imports.named_folders import BESIDE, VIEWS, NamedFolders, named_folders, unnamed_text
-from instrument.imports.proposed_boards import PROPOSED_AREA_MM, proposed_boards
 from instrument.imports.survey import Surveyed, look_at
-from instrument.imports.toml_text import board_lines
 from instrument.pictures.exif import Shot, read_shot
 from instrument.pictures.picture import UnreadablePictureError
 from instrument.pictures.reading import KNOWN_KINDS, VIDEO_REMEDY, VIDEO_SUFFIXES

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from instrument.config.capture_config import load_capture
+from instrument.config.proposed_boards import proposed_boards
 from instrument.files.validation import InvalidInputError
-from instrument.imports.prepare import load_capture, prepare_import
-from instrument.imports.proposed_boards import proposed_boards
+from instrument.imports.prepare import prepare_import
 from instrument.imports.template import capture_template
 from tests.instrument.imports.folders import H, W, mosaic, write_capture, write_dng, write_jpeg, write_png
 

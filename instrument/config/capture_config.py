@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from instrument.config.boards import BoardConfig, Rectangle, board_misfits
+from instrument.config.loading import load_settings
 from instrument.config.messages import valid_or_none
 from instrument.config.tables import NonNegative, Positive, Settings, SettingsFile, Vector
 from instrument.config.toml_lines import KeyPath
@@ -160,6 +162,17 @@ class CaptureConfig(SettingsFile):
     darks: BesideTable | None = None
     flats: FlatsTable | None = None
     ambient: AmbientTable | None = None
+
+
+def load_capture(path: Path) -> CaptureConfig:
+    """Read a `capture.toml`.
+
+    Raises
+    ------
+    InvalidInputError
+        With every problem found, each at ``file:line``.
+    """
+    return load_settings(CaptureConfig, path, capture_misfits)
 
 
 def capture_misfits(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:

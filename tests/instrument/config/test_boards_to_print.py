@@ -8,9 +8,9 @@ import pytest
 
 from instrument.config.boards import BoardConfig, board_misfits
 from instrument.config.loading import load_rig
+from instrument.config.proposed_boards import proposal_text, proposed_boards
+from instrument.config.stated_boards import stated_boards
 from instrument.files.validation import InvalidInputError
-from instrument.imports.proposed_boards import proposal_text, proposed_boards
-from instrument.imports.stated_boards import stated_boards
 from tests.instrument.imports.folders import write_capture
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import sqrt
 
-from instrument.imports.toml_text import board_lines, table_lines
+from instrument.config.toml_text import board_lines, table_lines
 from instrument.session.records import Board
 
 PROPOSED_AREA_MM = (60.0, 60.0)

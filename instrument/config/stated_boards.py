@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from instrument.config.boards import BoardConfig
+from instrument.config.capture_config import AreaTable, capture_board_misfits, load_capture
 from instrument.config.loading import load_rig, load_settings, read_settings
+from instrument.config.proposed_boards import PROPOSED_AREA_MM, proposed_boards
 from instrument.config.tables import SettingsFile
 from instrument.config.toml_lines import parse_toml
-from instrument.imports.capture_config import AreaTable, capture_board_misfits
-from instrument.imports.prepare import load_capture
-from instrument.imports.proposed_boards import PROPOSED_AREA_MM, proposed_boards
 from instrument.session.records import Board
 
 
