@@ -1,10 +1,10 @@
-"""`halfangle calibrate`: from a session to a registered stack, with a report of how good the calibration is."""
+"""`halfangle boards` and `calibrate`: boards to print; from a session to a registered stack, with a report."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -14,6 +14,40 @@ from instrument.files.json_file import write_json
 
 if TYPE_CHECKING:
     from analysis.pipeline import Calibrated
+
+
+_PAPER = click.Choice(["auto", "a4", "a3", "letter"])
+_AREA = "Without FILE: propose four boards around an area of this width and height."
+
+
+@click.command(epilog="Example: halfangle boards --area-mm 60 60 -o boards.pdf")
+@click.argument("file", type=FILE, required=False)
+@click.option("-o", "--output", type=FILE, required=True, help="PDF to write.")
+@click.option("--paper", type=_PAPER, default="auto", show_default=True, help="auto is a4, or a3 if a4 is too small.")
+@click.option("--area-mm", type=FiniteRange(min=1.0), nargs=2, metavar="W H", help=_AREA)
+def boards(file: Path | None, output: Path, paper: Any, area_mm: tuple[float, float] | None) -> None:
+    """Draw the boards of FILE (rig.toml, capture.toml, or [[boards]] alone) at true size, to be printed.
+
+    With --area-mm the tables of the proposed boards are written beside the PDF, to be copied into such a file.
+    """
+    if (file is None) == (area_mm is None):
+        raise click.UsageError("give either FILE or --area-mm.")
+    if output.suffix.lower() != ".pdf":
+        raise click.UsageError(f"{output} is to be a PDF: give a name that ends in .pdf.")
+    tables = output.with_suffix(".toml")
+    check_new(output, *([tables] if area_mm else []))
+    from analysis.camera.board_sheet import board_sheets
+    from instrument.config.proposed_boards import proposal_text
+    from instrument.config.stated_boards import boards_to_print
+    from instrument.files.whole_file import write_whole
+
+    stated = boards_to_print(file, area_mm)
+    sheets = board_sheets(stated.boards, stated.area_mm, paper)
+    write_whole(output, sheets.pdf())
+    click.echo(f"{output}: {sheets.as_text()}")
+    if area_mm is not None:
+        write_whole(tables, proposal_text(area_mm, output.name))
+        click.echo(f"{tables}: tables of the boards, to be copied into capture.toml or rig.toml")
 
 
 @click.command(epilog="Example: halfangle calibrate session.h5 -o area.stack.h5 --report calibration.html")

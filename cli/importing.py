@@ -41,7 +41,8 @@ def import_pictures(
 ) -> None:
     """Make a session of the pictures in FOLDER: RAW, TIFF, PNG, JPEG, HEIC, BMP, EXR, HDR, PFM or NumPy.
 
-    FOLDER/capture.toml says what the pictures do not; --init writes one to complete.
+    FOLDER/capture.toml says what the pictures do not; --init writes one to complete. Without it FOLDER/views are the
+    views, FOLDER/darks and FOLDER/flats what they are called.
     """
     if not folder.is_dir():
         from instrument.pictures.reading import why_no_folder
@@ -79,14 +80,11 @@ def _import_registered(
 def _import_session(folder: Path, capture_file: Path | None, output: Path) -> None:
     check_new(output)
     from cli.progress import progress_bar
-    from instrument.imports.prepare import CAPTURE_FILE, import_facts, prepare_import
+    from instrument.imports.prepare import import_facts, prepare_import
     from instrument.imports.writing import write_import
 
-    capture = folder / CAPTURE_FILE if capture_file is None else capture_file
-    if not capture.exists():
-        raise click.UsageError(f"there is no {capture}; `halfangle import --init {folder}` writes one to complete.")
     with progress_bar("look") as step:
-        prepared = prepare_import(folder, capture, lambda done, total, name: step(done, name, total))
+        prepared = prepare_import(folder, capture_file, lambda done, total, name: step(done, name, total))
     with progress_bar("import") as step:
         write_import(prepared, output, lambda done, total, name: step(done, name, total))
     click.echo("\n".join(f"{name:<17} {value}" for name, value in import_facts(prepared)))

@@ -22,6 +22,7 @@ COMMANDS = {
     "capture": ("cli.capture:capture", "Capture a protocol on a rig into a session."),
     "resume": ("cli.capture:resume", "Go on with an interrupted session."),
     "session": ("cli.session:session", "Look at, verify, pack and export session files."),
+    "boards": ("cli.calibration:boards", "The marker boards as a PDF to print."),
     "import": ("cli.importing:import_pictures", "Bring in pictures from elsewhere."),
     "calibrate": ("cli.calibration:calibrate", "Session to registered stack, with a report of checks."),
     "reconstruct": ("cli.reconstruction:reconstruct", "Session or stack to normals, depth and BRDF."),

@@ -19,7 +19,6 @@ from cli.output import (
     FiniteRange,
     check_new,
     json_file_option,
-    parse_position,
     quiet_option,
 )
 from cli.progress import stage_bars
@@ -89,6 +88,7 @@ def render(result: Path, camera: str, light: str, light_power: float, output: Pa
     """Predict the picture of the area from any CAMERA and LIGHT, in the stack's radiance units and grid."""
     check_new(output)
     from analysis.drawing.picture_file import check_picture_name, write_picture
+    from analysis.results.positions import parse_position
     from analysis.results.result_file import open_result
 
     check_picture_name(output)

@@ -12,10 +12,9 @@ import pytest
 from pydantic import BaseModel
 
 from cli.main import halfangle
+from instrument.config.capture_config import CaptureConfig, load_capture
 from instrument.config.faults import load_faults
 from instrument.config.loading import load_rig
-from instrument.imports.capture_config import CaptureConfig
-from instrument.imports.prepare import load_capture
 from protocols.planning.python_protocol import load_any_protocol
 
 ROOT = Path(__file__).parent.parent

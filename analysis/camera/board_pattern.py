@@ -71,6 +71,34 @@ def pattern(board: Board, texels_per_square: int, legacy: bool = False) -> NDArr
     return drawn
 
 
+def ink_rectangles(board: Board, legacy: bool = False) -> NDArray[np.float64]:
+    """Return the black of a board as rectangles that do not overlap: left, top, right, bottom, mm, shape (n, 4).
+
+    From the board's top left corner, x right and y down. Runs of black in a row of a marker are one rectangle.
+    """
+    across, down = board.squares
+    row, column = np.divmod(np.arange(across * down), across)
+    is_black = (row + column) % 2 == 0
+    if board.kind == "charuco":
+        is_black = np.ones(len(row), bool)
+        is_black[[i * across + j for i, j, _ in _markers(board, legacy)]] = False
+    corner = np.stack([column, row], axis=1)[is_black]
+    squares = np.concatenate([corner, corner + 1], axis=1) * board.square_mm
+    markers = _markers(board, legacy) if board.kind == "charuco" else ()
+    return np.concatenate([squares, *(_marker_ink(board, i, j, bits) for i, j, bits in markers)])
+
+
+def _marker_ink(board: Board, row: int, column: int, bits: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Return the runs of black of the marker in a white square, as `ink_rectangles` does."""
+    bit_mm = board.marker_mm / len(bits)
+    edge = np.diff(np.pad(1 - bits.astype(int), ((0, 0), (1, 1))), axis=1)
+    line, start = np.nonzero(edge == 1)
+    _, end = np.nonzero(edge == -1)
+    runs = np.stack([start, line, end, line + 1], axis=1) * bit_mm
+    left_top = np.array([column, row]) * board.square_mm + 0.5 * (board.square_mm - board.marker_mm)
+    return np.asarray(runs + np.tile(left_top, 2), np.float64)
+
+
 def _markers(board: Board, legacy: bool) -> Iterator[tuple[int, int, NDArray[np.uint8]]]:
     """Yield row and column of each white square with the marker in it, 1 = paper, its black border included."""
     dictionary = marker_dictionary(board.dictionary)

@@ -1,1 +1,1 @@
-"""Rig and protocol files in TOML."""
+"""Rig, protocol and capture files in TOML."""

@@ -74,7 +74,11 @@ def load_settings(model: type[Config], path: Path, misfits: Misfits | None = Non
     InvalidInputError
         With every problem found, each at ``file:line``.
     """
-    text = _read(path)
+    return settings_from_text(model, read_settings(path), path, misfits)
+
+
+def settings_from_text(model: type[Config], text: str, path: Path, misfits: Misfits | None = None) -> Config:
+    """Take settings from a text, as `load_settings` does from a file; `path` is what messages call it."""
     data = parse_toml(text, path.name)
     found = [*_complaints(model, data, misfits is None), *(misfits(data) if misfits else ())]
     lines = TomlLines(text)
@@ -97,7 +101,14 @@ def _complaints(
         yield from ((key, what) for key, what in complaints(model, error) if key or with_those_of_the_whole)
 
 
-def _read(path: Path) -> str:
+def read_settings(path: Path) -> str:
+    """Return the text of a file of settings.
+
+    Raises
+    ------
+    InvalidInputError
+        If it cannot be read, is no text, or is too large to be one.
+    """
     try:
         with path.open("rb") as file:
             content = file.read(MAX_BYTES + 1)

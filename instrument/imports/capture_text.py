@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
 
 import numpy as np
 
-from instrument.session.records import Board
+from instrument.config.toml_text import board_lines, key_lines, table_lines
 from instrument.session.session import Session
 
 
@@ -54,16 +52,16 @@ def capture_text(session: Session, exported: Exported) -> str:
 
 def _head(session: Session, exported: Exported) -> Iterator[str]:
     linear = exported.curve is None and exported.response is None
-    yield from _keys(name=session.title or "a session", sample=session.sample, linear=linear)
-    yield from _keys(working_distance_mm=session.nominal.working_distance_mm)
+    yield from key_lines(name=session.title or "a session", sample=session.sample, linear=linear)
+    yield from key_lines(working_distance_mm=session.nominal.working_distance_mm)
     if session.nominal.camera_matrix is None:
-        yield from _keys(focal_length_px=session.nominal.focal_length_px)
+        yield from key_lines(focal_length_px=session.nominal.focal_length_px)
 
 
 def _camera(session: Session) -> Iterator[str]:
     camera, cell = session.camera, session.nominal.black_level_cell
-    yield from _table("camera", make=camera.make, model=camera.model, serial_number=camera.serial_number)
-    yield from _keys(
+    yield from table_lines("camera", make=camera.make, model=camera.model, serial_number=camera.serial_number)
+    yield from key_lines(
         bayer_pattern=camera.bayer_pattern,
         bit_depth=camera.bit_depth if camera.dtype == "u2" and 8 <= camera.bit_depth <= 16 else None,
         black_level=camera.black_level if cell is None else cell.ravel().tolist(),
@@ -76,8 +74,8 @@ def _camera(session: Session) -> Iterator[str]:
 def _lens(session: Session) -> Iterator[str]:
     matrix, distortion = session.nominal.camera_matrix, session.nominal.distortion
     if matrix is not None:
-        yield from _table("intrinsics", fx=matrix[0, 0], fy=matrix[1, 1], cx=matrix[0, 2], cy=matrix[1, 2])
-        yield from _keys(distortion=None if distortion is None else distortion.tolist())
+        yield from table_lines("intrinsics", fx=matrix[0, 0], fy=matrix[1, 1], cx=matrix[0, 2], cy=matrix[1, 2])
+        yield from key_lines(distortion=None if distortion is None else distortion.tolist())
 
 
 def _light_and_area(session: Session) -> Iterator[str]:
@@ -87,55 +85,33 @@ def _light_and_area(session: Session) -> Iterator[str]:
         session.nominal.area_mm,
     )
     if offset is not None and sigma is not None:
-        yield from _table("light", offset_mm=offset.tolist(), offset_sigma_mm=float(np.max(sigma)))
+        yield from table_lines("light", offset_mm=offset.tolist(), offset_sigma_mm=float(np.max(sigma)))
     if area is not None:
-        yield from _table("area", width_mm=area[0], height_mm=area[1], pitch_mm=session.nominal.pixel_pitch_mm)
+        yield from table_lines("area", width_mm=area[0], height_mm=area[1], pitch_mm=session.nominal.pixel_pitch_mm)
 
 
 def _response(exported: Exported) -> Iterator[str]:
     if exported.curve is not None:
-        yield from _table("response", curve=exported.curve)
+        yield from table_lines("response", curve=exported.curve)
     elif exported.response is not None:
-        yield from _table("response.bracket", files=exported.response.files, times_s=exported.response.times)
+        yield from table_lines("response.bracket", files=exported.response.files, times_s=exported.response.times)
 
 
 def _beside(session: Session, exported: Exported) -> Iterator[str]:
     if exported.darks is not None:
-        yield from _table("darks", files=exported.darks.files, exposure_times_s=exported.darks.times)
+        yield from table_lines("darks", files=exported.darks.files, exposure_times_s=exported.darks.times)
     if exported.flats is not None:
         distances = session.extra.flat_distances_mm.tolist()
-        yield from _table("flats", files=exported.flats.files, exposure_times_s=exported.flats.times)
-        yield from _keys(distance_mm=distances if all(map(isfinite, distances)) else None)
+        yield from table_lines("flats", files=exported.flats.files, exposure_times_s=exported.flats.times)
+        yield from key_lines(distance_mm=distances if all(map(isfinite, distances)) else None)
 
 
 def _boards(session: Session) -> Iterator[str]:
     for board in session.nominal.boards:
-        yield from _table("[boards]", kind=board.kind, **_markers(board))
-        yield from _keys(squares=board.squares, square_mm=board.square_mm)
-        yield from _keys(corner_mm=board.corner_mm if board.is_placed else "measure")
-
-
-def _markers(board: Board) -> Mapping[str, Any]:
-    if board.kind == "checkerboard":
-        return {}
-    return {"dictionary": board.dictionary, "first_id": board.first_id, "marker_mm": board.marker_mm}
+        yield from board_lines(board)
 
 
 def _poses(exported: Exported) -> Iterator[str]:
     for pose, ambient in zip(exported.poses, exported.ambient, strict=True):
-        yield from _table("[poses]", files=pose.files, exposure_times_s=pose.times)
-        yield from _keys(ambient=None if ambient is None else [ambient])
-
-
-def _table(name: str, **values: Any) -> Iterator[str]:
-    yield ""
-    yield f"[{name}]"
-    yield from _keys(**values)
-
-
-def _keys(**values: Any) -> Iterator[str]:
-    """Yield a line for each key that has a value: None, NaN and infinity are what nobody knows."""
-    for key, value in values.items():
-        if value is not None and not (isinstance(value, float) and not isfinite(value)):
-            # Strings, numbers, lists and booleans of JSON are those of TOML, and floats keep all their digits.
-            yield f"{key} = {json.dumps(value, ensure_ascii=False)}"
+        yield from table_lines("[poses]", files=pose.files, exposure_times_s=pose.times)
+        yield from key_lines(ambient=None if ambient is None else [ambient])

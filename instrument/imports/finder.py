@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 
+from instrument.config.capture_config import BesideTable
 from instrument.config.messages import dotted
 from instrument.config.toml_lines import KeyPath
-from instrument.imports.capture_config import BesideTable
 from instrument.pictures.reading import is_picture
 
 Complaint = tuple[KeyPath, str]

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from instrument.config.capture_config import CaptureConfig, IntrinsicsTable
 from instrument.imports.arrangement import Arrangement, Frame
-from instrument.imports.capture_config import CaptureConfig, IntrinsicsTable
 from instrument.imports.prepare import Import
 from instrument.recording.header import Provenance, SessionHeader
 from instrument.session import layout

@@ -9,7 +9,8 @@ from functools import reduce
 from operator import or_
 from pathlib import Path
 
-from instrument.config.loading import load_settings
+from instrument.config.capture_config import RESPONSE_REMEDY, CaptureConfig, capture_misfits, load_capture
+from instrument.config.loading import settings_from_text
 from instrument.config.messages import dotted
 from instrument.config.toml_lines import KeyPath, TomlLines
 from instrument.files.validation import InvalidInputError, Problem, raise_if_any
@@ -20,11 +21,12 @@ from instrument.imports.arrangement import (
     consistency_problems,
     time_problems,
 )
-from instrument.imports.capture_config import RESPONSE_REMEDY, CaptureConfig, capture_misfits
+from instrument.imports.named_folders import has_views
 from instrument.imports.response_curve import Curve, given_curve
 from instrument.imports.selection import select
 from instrument.imports.sensor import Sensor, sensor_of
 from instrument.imports.survey import Watcher, survey
+from instrument.imports.template import capture_by_names
 
 CAPTURE_FILE = "capture.toml"
 
@@ -48,25 +50,17 @@ class Import:
     response: Curve | None
 
 
-def load_capture(path: Path) -> CaptureConfig:
-    """Read a `capture.toml`.
-
-    Raises
-    ------
-    InvalidInputError
-        With every problem found, each at ``file:line``.
-    """
-    return load_settings(CaptureConfig, path, capture_misfits)
-
-
-def prepare_import(folder: Path, capture_file: Path, watch: Watcher = lambda done, total, name: None) -> Import:
+def prepare_import(
+    folder: Path, capture_file: Path | None = None, watch: Watcher = lambda done, total, name: None
+) -> Import:
     """Look at every picture that a `capture.toml` asks for; nothing is written.
 
     Parameters
     ----------
     folder : Path
         What the names of files are relative to.
-    capture_file : Path
+    capture_file : Path, optional
+        By default that of the folder; where it has none, its folders called views, darks and flats say what is what.
     watch : callable, optional
         Told how many of how many pictures have been looked at, and the name of the next.
 
@@ -76,9 +70,9 @@ def prepare_import(folder: Path, capture_file: Path, watch: Watcher = lambda don
         With everything that is wrong with the settings, or with the choice of files and the files themselves, or
         with how they fit each other.
     """
-    config = load_capture(capture_file)
+    config, name = _capture(folder, capture_file)
     title = f"{folder} cannot be imported"
-    place = _Place(capture_file.name, TomlLines(config.text))
+    place = _Place(name, TomlLines(config.text))
     arrangement = _arranged(config, folder, place, title, watch)
     raise_if_any(
         title,
@@ -93,6 +87,19 @@ def prepare_import(folder: Path, capture_file: Path, watch: Watcher = lambda don
     with _blaming(place, ("response", "curve"), title):
         curve = None if config.response is None else given_curve(config.response, 2**sensor.camera.bit_depth, folder)
     return Import(config, arrangement, sensor, curve)
+
+
+def _capture(folder: Path, capture_file: Path | None) -> tuple[CaptureConfig, str]:
+    """Return what is stated, and how messages call the place where it stands."""
+    path = capture_file or folder / CAPTURE_FILE
+    if path.exists():
+        return load_capture(path), path.name
+    if capture_file is None and has_views(folder):
+        name = f"{CAPTURE_FILE} as --init would write it"
+        text = capture_by_names(folder)
+        return settings_from_text(CaptureConfig, text, folder / name, capture_misfits), name
+    what = f"there is no such file; `halfangle import --init {folder}` writes one to complete"
+    raise InvalidInputError(f"{folder} cannot be imported", [Problem(str(path), what)])
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.imports.capture_config import ResponseConfig
+from instrument.config.capture_config import ResponseConfig
 from instrument.pictures.srgb import linear_from_srgb
 
 Curve = NDArray[np.float32]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from instrument.config.capture_config import CaptureConfig, FlatsTable, GroupingTable
 from instrument.config.messages import dotted
-from instrument.imports.capture_config import CaptureConfig, FlatsTable, GroupingTable
 from instrument.imports.finder import Complaint, Finder, Pick
+from instrument.imports.named_folders import BESIDE, called_otherwise
 from instrument.pictures.reading import KNOWN_KINDS
 
 
@@ -92,12 +94,24 @@ def _grouped_poses(grouping: GroupingTable, finder: Finder, taken: set[Path]) ->
         what = f"no picture in {finder.folder} fits {grouping.glob!r}; known are {KNOWN_KINDS}"
         finder.complain(("grouping", "glob"), what)
         return ()
+    _complain_of_darks_among_views(paths, grouping.glob, finder)
     if len(paths) % size:
         what = f"there are {len(paths)} pictures, which are no whole poses of {size}; is one missing?"
         finder.complain(("grouping", "frames_per_pose"), what)
     times = grouping.exposure_times_s or (None,) * size
     picks = [Pick(path, finder.name(path), ("grouping",), times[i % size]) for i, path in enumerate(paths)]
     return tuple(tuple(picks[i : i + size]) for i in range(0, len(picks), size))
+
+
+def _complain_of_darks_among_views(paths: Sequence[Path], glob: str, finder: Finder) -> None:
+    folders = Counter(called_otherwise(finder.name(path), glob) for path in paths)
+    for name in BESIDE:
+        if folders[name]:
+            what = (
+                f"{glob!r} takes {folders[name]} of the folder {name} for views; name them in [{name}], "
+                f"or state a glob that leaves them out"
+            )
+            finder.complain(("grouping", "glob"), what)
 
 
 def _distances(table: FlatsTable | None, flats: Sequence[Pick], finder: Finder) -> tuple[float, ...]:

@@ -9,8 +9,8 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import NDArray
 
+from instrument.config.capture_config import CameraTable
 from instrument.imports.arrangement import Frame
-from instrument.imports.capture_config import CameraTable
 from instrument.session.records import CameraRecord
 
 WORD = 16

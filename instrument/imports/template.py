@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from math import hypot
 from pathlib import Path
 
-from instrument.files.validation import InvalidInputError, Problem
+from instrument.config.proposed_boards import PROPOSED_AREA_MM, proposed_boards
+from instrument.config.toml_text import board_lines
+from instrument.files.validation import InvalidInputError, Problem, raise_if_any
 from instrument.imports.brackets import same_time, split_by_exposure
-from instrument.imports.finder import natural_order
+from instrument.imports.named_folders import BESIDE, VIEWS, NamedFolders, named_folders, unnamed_text
 from instrument.imports.survey import Surveyed, look_at
 from instrument.pictures.exif import Shot, read_shot
 from instrument.pictures.picture import UnreadablePictureError
-from instrument.pictures.reading import KNOWN_KINDS, READERS, VIDEO_REMEDY, VIDEO_SUFFIXES, is_picture, is_raw
+from instrument.pictures.reading import KNOWN_KINDS, VIDEO_REMEDY, VIDEO_SUFFIXES
 
 # mm across the diagonal of a frame of 36 x 24 mm, which focal lengths "in 35 mm film" refer to.
 DIAGONAL_35MM = 43.27
@@ -26,10 +27,37 @@ def capture_template(folder: Path) -> str:
     Raises
     ------
     InvalidInputError
-        If there are none, or the first one cannot be read.
+        If there are none, the first one cannot be read, or folders called views, darks and flats leave open what is
+        meant.
     """
-    paths = _pictures(folder)
-    title = f"No capture.toml was written for {folder}"
+    return _template(folder, named_folders(folder), f"No capture.toml was written for {folder}")
+
+
+def capture_by_names(folder: Path) -> str:
+    """Return the same where folders called views, darks and flats say all that a `capture.toml` would.
+
+    Raises
+    ------
+    InvalidInputError
+        If they do not.
+    """
+    title = f"{folder} needs a capture.toml; `halfangle import --init {folder}` writes one to complete"
+    folders = named_folders(folder)
+    pictures = (*folders.views, *(path for paths in folders.beside.values() for path in paths))
+    problems = [
+        Problem(path.relative_to(folder).as_posix(), "does not say its exposure time")
+        for path in pictures
+        if read_shot(path).exposure_time is None
+    ]
+    if folders.unnamed:
+        problems.append(Problem(str(folder), f"{unnamed_text(folders)}, and nothing says what they are"))
+    raise_if_any(title, [*folders.problems, *problems])
+    return _template(folder, folders, title)
+
+
+def _template(folder: Path, folders: NamedFolders, title: str) -> str:
+    raise_if_any(title, folders.problems)
+    paths = folders.views
     if not paths:
         problems = [Problem(str(folder), f"holds no picture; known are {KNOWN_KINDS}"), *_video_problems(folder)]
         raise InvalidInputError(title, problems)
@@ -38,29 +66,15 @@ def capture_template(folder: Path) -> str:
     except UnreadablePictureError as error:
         raise InvalidInputError(title, [Problem(paths[0].name, str(error))]) from None
     shots = [read_shot(path) for path in paths]
-    parts = (_head(folder, first), _light(first), _camera(first), _grouping(folder, paths, shots), TAIL)
-    return "\n".join(line for part in parts for line in part) + "\n"
-
-
-def _pictures(folder: Path) -> list[Path]:
-    """Return the pictures of the kind that is closest to the sensor; those in its folders if it has none itself."""
-    kinds: dict[str, list[Path]] = defaultdict(list)
-    for pattern in ("*", "*/*"):
-        for path in folder.glob(pattern) if not kinds else ():
-            if path.is_file() and is_picture(path):
-                kinds[path.suffix].append(path)
-    best = min(kinds, key=lambda suffix: (_rank(suffix), -len(kinds[suffix])), default="")
-    return sorted(kinds[best], key=lambda path: natural_order(path.relative_to(folder).as_posix())) if best else []
+    parts = (_head(folder, first), _light(first), _camera(first), _grouping(folder, paths, shots))
+    tail = (TAIL, _boards(), _beside(folder, folders))
+    return "\n".join(line for part in (*parts, *tail) for line in part) + "\n"
 
 
 def _video_problems(folder: Path) -> Iterator[Problem]:
     for path in sorted(folder.iterdir()):
         if path.suffix.lower() in VIDEO_SUFFIXES and not path.name.startswith("."):
             yield Problem(path.name, VIDEO_REMEDY)
-
-
-def _rank(suffix: str) -> int:
-    return -1 if is_raw(Path(f"x{suffix}")) else list(READERS).index(suffix.lower())
 
 
 def _head(folder: Path, first: Surveyed) -> Iterator[str]:
@@ -123,8 +137,7 @@ def _levels(levels: tuple[float, ...] | None) -> float | list[float] | None:
 def _grouping(folder: Path, paths: Sequence[Path], shots: Sequence[Shot]) -> Iterator[str]:
     yield ""
     yield "[grouping]"
-    folders = "" if paths[0].parent == folder else "*/"
-    yield f"glob = {json.dumps(f'{folders}*{paths[0].suffix}', ensure_ascii=False)}  # fits {len(paths)}"
+    yield f"glob = {_glob(folder, paths)}  # fits {len(paths)}"
     times = [shot.exposure_time for shot in shots if shot.exposure_time is not None]
     if len(times) < len(paths):
         yield f"exposure_times_s = [1.0]  # {len(paths) - len(times)} of them do not say it: state the true time"
@@ -152,23 +165,41 @@ TAIL = """
 # The light beside the lens, in the camera frame (x right, y down, z forward).
 # [light]
 # offset_mm = [12.0, 0.0, 0.0]
-# offset_sigma_mm = 3.0
+# offset_sigma_mm = 3.0""".splitlines()
 
-# One table for each board in the pictures; corner_mm is its top left corner, or "measure".
-# [[boards]]
-# kind = "charuco"
-# dictionary = "DICT_4X4_50"
-# first_id = 0
-# squares = [4, 4]
-# square_mm = 5.5
-# marker_mm = 4.4
-# corner_mm = [-54.0, 54.0]
+BOARDS_WORD = """
+# One table for each board in the pictures; corner_mm is its top left corner, or "measure". These four stand around
+# an area of {0:g} x {1:g} mm; to print them: halfangle boards --area-mm {0:g} {1:g} -o boards.pdf"""
 
-# Pictures beside those of the poses.
-# [darks]
-# files = ["darks/*"]
-# [flats]
-# files = ["flats/*"]
-# distance_mm = 350.0
-# [ambient]
-# files = ["ambient.dng"]""".splitlines()
+
+def _boards() -> Iterator[str]:
+    yield from BOARDS_WORD.format(*PROPOSED_AREA_MM).splitlines()
+    for board in proposed_boards(PROPOSED_AREA_MM):
+        yield from (f"# {line}" for line in board_lines(board) if line)
+
+
+def _beside(folder: Path, folders: NamedFolders) -> Iterator[str]:
+    yield ""
+    yield "# Pictures beside those of the poses."
+    if folders.unnamed:
+        yield f"# {unnamed_text(folders)}: name them here, if they are to be read."
+    for name in BESIDE:
+        off = "" if name in folders.beside else "# "
+        paths = folders.beside.get(name, ())
+        yield f"{off}[{name}]"
+        yield f"{off}files = [{_glob(folder, paths)}]  # fits {len(paths)}" if paths else f'# files = ["{name}/*"]'
+        if any(read_shot(path).exposure_time is None for path in paths):
+            yield "exposure_times_s = [1.0]  # some of them do not say it: state the true time"
+        if name == "flats":
+            yield "# distance_mm = 350.0"
+    yield "# [ambient]"
+    yield '# files = ["ambient.dng"]'
+
+
+def _glob(folder: Path, paths: Sequence[Path]) -> str:
+    """Return the pattern that fits pictures of one kind, which lie in one folder or in folders of one."""
+    parents = {path.parent for path in paths}
+    parts = list(paths[0].parent.relative_to(folder).parts)
+    if parts and (len(parents) > 1 or len(parts) > 1 or parts[0].lower() not in (VIEWS, *BESIDE)):
+        parts[-1] = "*"
+    return json.dumps("/".join([*parts, f"*{paths[0].suffix}"]), ensure_ascii=False)

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from instrument.config.capture_config import CaptureConfig
 from instrument.config.loading import load_protocol, load_rig, load_settings
 from instrument.config.tables import SettingsFile
 from instrument.files.validation import InvalidInputError
-from instrument.imports.capture_config import CaptureConfig
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 RIG = (EXAMPLES / "simulated.toml").read_text(encoding="utf-8")

@@ -26,8 +26,8 @@ from benchmarks.reproduction.mitsuba_scenes.scenes import LEAF, MEDAL, SCENES, S
 from benchmarks.reproduction.mitsuba_scenes.surfaces import HALF_WIDTH_MM
 from benchmarks.reproduction.mitsuba_scenes.views import LIGHT_OFFSET_MM, Camera, captured, novel
 from drivers.simulated.geometry import camera_from_lab, stage_rotation
+from instrument.config.capture_config import load_capture
 from instrument.config.loading import load_protocol
-from instrument.imports.prepare import load_capture
 from protocols.planning.plan import stated_poses
 
 SMALL = Rendering(Camera(96, 72), samples=8, mesh_pitch_mm=1.0)

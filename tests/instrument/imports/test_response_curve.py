@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from instrument.imports.capture_config import ResponseConfig
+from instrument.config.capture_config import ResponseConfig
 from instrument.imports.response_curve import CurveError, given_curve, read_curve
 
 

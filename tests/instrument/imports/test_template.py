@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from instrument.config.capture_config import load_capture
+from instrument.config.proposed_boards import proposed_boards
 from instrument.files.validation import InvalidInputError
-from instrument.imports.prepare import load_capture, prepare_import
+from instrument.imports.prepare import prepare_import
 from instrument.imports.template import capture_template
 from tests.instrument.imports.folders import H, W, mosaic, write_capture, write_dng, write_jpeg, write_png
 
@@ -73,7 +75,7 @@ def test_every_key_that_stands_in_a_comment_is_one(tmp_path: Path) -> None:
     assert config.area is not None
     assert config.light is not None
     assert config.darks is not None
-    assert len(config.boards) == 1
+    assert tuple(board.record for board in config.boards) == proposed_boards((60.0, 60.0))
 
 
 def test_the_focal_length_is_guessed_from_that_in_35_mm_film(tmp_path: Path) -> None:

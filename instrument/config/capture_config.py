@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from instrument.config.boards import BoardConfig, Rectangle, board_misfits
+from instrument.config.loading import load_settings
 from instrument.config.messages import valid_or_none
 from instrument.config.tables import NonNegative, Positive, Settings, SettingsFile, Vector
 from instrument.config.toml_lines import KeyPath
@@ -162,18 +164,34 @@ class CaptureConfig(SettingsFile):
     ambient: AmbientTable | None = None
 
 
+def load_capture(path: Path) -> CaptureConfig:
+    """Read a `capture.toml`.
+
+    Raises
+    ------
+    InvalidInputError
+        With every problem found, each at ``file:line``.
+    """
+    return load_settings(CaptureConfig, path, capture_misfits)
+
+
 def capture_misfits(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     """Yield where and why tables of a `capture.toml` do not fit each other, whatever else is wrong with them."""
-    tables = data.get("boards")
-    boards = [valid_or_none(BoardConfig, table) for table in tables] if isinstance(tables, list) else []
-    area = valid_or_none(AreaTable, data.get("area"))
-    well_formed = {i: board for i, board in enumerate(boards) if board is not None}
-    yield from board_misfits(well_formed, None if area is None else area.rectangle, "the [area]")
+    yield from capture_board_misfits(data)
     if "poses" in data and "grouping" in data:
         yield ("grouping",), "[[poses]] and [grouping] exclude each other; keep one of them"
     if "intrinsics" in data and "focal_length_px" in data:
         yield ("focal_length_px",), "[intrinsics] state the focal length already; leave focal_length_px out"
     yield from _linearity_misfits(data)
+
+
+def capture_board_misfits(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
+    """Yield where and why boards do not fit each other or the area."""
+    tables = data.get("boards")
+    boards = [valid_or_none(BoardConfig, table) for table in tables] if isinstance(tables, list) else []
+    area = valid_or_none(AreaTable, data.get("area"))
+    well_formed = {i: board for i, board in enumerate(boards) if board is not None}
+    yield from board_misfits(well_formed, None if area is None else area.rectangle, "the [area]")
 
 
 def _linearity_misfits(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
