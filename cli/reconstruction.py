@@ -1,4 +1,4 @@
-"""`halfangle reconstruct`, `render`, `export`, `report`, `relight`, `point`: from sessions or stacks to what they show."""
+"""`halfangle reconstruct`, `render`, `export`, `report`, `relight`, `point`: from stacks to maps, pictures, pages."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The reflectances that pixels of a page are sums of: materials of the palette, and the other atoms in use.
 
-Nothing is fitted here. A material is its table over (theta_h, theta_d), any other atom its model and parameters, and the
-page evaluates both as `Atom.evaluate` and `TabulatedAtom.evaluate` do.
+Nothing is fitted here. A material is its table over (theta_h, theta_d), any other atom its model and parameters, and
+the page evaluates both as `Atom.evaluate` and `TabulatedAtom.evaluate` do.
 """
 
 from __future__ import annotations

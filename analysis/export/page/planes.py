@@ -16,8 +16,8 @@ _LEVEL = 9
 def pack(arrays: Mapping[str, NDArray[Any]]) -> tuple[list[dict[str, Any]], str]:
     """Pack arrays of shape (rows, columns, planes).
 
-    Each plane gives as many planes of bytes as its numbers have bytes, the lowest first. A byte is its difference to the
-    one before it in its row, modulo 256, so that smooth maps become runs of small numbers.
+    Each plane gives as many planes of bytes as its numbers have bytes, the lowest first. A byte is its difference to
+    the one before it in its row, modulo 256, so that smooth maps become runs of small numbers.
 
     Returns
     -------

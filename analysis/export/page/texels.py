@@ -37,7 +37,7 @@ class Lists:
 
 def lists_of(fits: PixelFits, columns: Columns) -> Lists:
     """Gather the coefficients of each pixel by column; those of a palette are the same in all channels."""
-    n_pixels, n_channels, n_slots = fits.atom.shape
+    n_pixels, n_channels = fits.atom.shape[:2]
     n_columns = len(columns.header)
     solved = np.isfinite(fits.normals[:, 0])[:, None, None]
     pixel, channel, slot = np.nonzero((fits.atom >= 0) & (fits.coefficient > 0.0) & solved)
@@ -87,6 +87,6 @@ def sigma_plane(fits: PixelFits) -> tuple[NDArray[np.uint8], float]:
 
 
 def albedo_angle_plane(fits: PixelFits) -> NDArray[np.uint8]:
-    """Return the half angle at which the albedo is read, 255 for `DIFFUSE_REFERENCE_DEG`, as `diffuse_albedo` has it."""
+    """Return the half angle at which `diffuse_albedo` is read, 255 for `DIFFUSE_REFERENCE_DEG`."""
     share = np.nan_to_num(np.rad2deg(fits.theta_h_range[:, 1]) / DIFFUSE_REFERENCE_DEG)
     return np.asarray(np.round(np.clip(share, 0.0, 1.0) * 255.0), np.uint8)
