@@ -16,6 +16,7 @@ from analysis.palette.materials import materials_used
 from analysis.pixels.fits import PixelFits
 from analysis.reflectance.atoms import AnyAtom, Atom, TabulatedAtom, published
 from analysis.reflectance.models import lobe_alpha
+from analysis.reflectance.palette import PALETTE
 
 TABLE = "table"
 
@@ -75,7 +76,8 @@ def columns_of(fits: PixelFits) -> Columns:
         Of one channel or of three.
     """
     atoms, n_channels = fits.dictionary.atoms, fits.atom.shape[1]
-    n_materials = int(materials_used(fits).max(initial=-1)) + 1
+    # Materials of a file may have any names, those of a palette's too.
+    n_materials = int(materials_used(fits).max(initial=-1)) + 1 if fits.dictionary.name == PALETTE else 0
     n_own = n_materials * n_channels
     used = np.unique(fits.atom[fits.atom >= n_own]).astype(np.int64)
     column_of_atom = np.full(len(atoms), -1)
