@@ -31,6 +31,9 @@ DISTANCE = 5.0
 
 _LIGHT = np.array([0.35, 0.45, 0.82])  # direction at first; upper right, as people expect it
 
+LARGE = 12_000_000
+"""Bytes of a page above which the command says how to have a smaller one."""
+
 _N_TRIED = 20_000  # pixels that the first exposure is found from
 
 
@@ -72,7 +75,7 @@ class _Sample:
     step: int
 
 
-def write_page(path: Path, result: Result, resolution: int = 1024, title: str = "") -> PageFacts:
+def write_relighting_page(path: Path, result: Result, resolution: int = 1024, title: str = "") -> PageFacts:
     """Write the page to a new file.
 
     The page evaluates what `Result.render` evaluates, of each pixel by itself. Where the area has more pixels than
@@ -108,12 +111,14 @@ def relight(result_file: Path, page: Path, resolution: int = 1024) -> str:
     Raises
     ------
     InvalidInputError, FileExistsError, NotWrittenError
-        As `write_page`, or if the file is no result.
+        As `write_relighting_page`, or if the file is no result.
     """
-    facts = write_page(page, open_result(result_file), resolution, result_file.name)
+    facts = write_relighting_page(page, open_result(result_file), resolution, result_file.name)
     shown = f"{facts.width} x {facts.height} pixels"
     if facts.step > 1:
         shown += f", one of {facts.step} in each direction; --resolution shows more"
+    if page.stat().st_size > LARGE:
+        shown += "; a lower --resolution makes it smaller"
     return "\n".join([f"size        {page.stat().st_size / 1e6:.1f} MB, {shown}", *_lines(facts)])
 
 
