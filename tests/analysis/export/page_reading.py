@@ -34,8 +34,10 @@ def read_page(path: Path) -> Page:
     for entry in meta["arrays"]:
         kind, (rows, columns, planes) = np.dtype(entry["kind"]), entry["shape"]
         size = rows * columns * planes * kind.itemsize
-        differences = raw[at : at + size].reshape(planes, kind.itemsize, rows, columns)
-        of_bytes = np.cumsum(differences, axis=-1, dtype=np.uint8).transpose(2, 3, 0, 1)
+        of_bytes = raw[at : at + size].reshape(planes, kind.itemsize, rows, columns)
+        if entry["differences"]:
+            of_bytes = np.cumsum(of_bytes, axis=-1, dtype=np.uint8)
+        of_bytes = of_bytes.transpose(2, 3, 0, 1)
         arrays[entry["name"]] = np.ascontiguousarray(of_bytes).view(kind)[..., 0]
         at += size
     assert at == len(raw)

@@ -5,7 +5,7 @@ const { width, height } = meta;
 const LAYERS = ["relit", "normals", "albedo", "materials", "sigma", "height"];
 const DEGREE = Math.PI / 180;
 
-// ---- The data: base64, deflate, planes of bytes as differences along their rows (analysis/export/page/planes.py).
+// ---- The data: base64, deflate, planes of bytes, of maps their differences along rows (analysis/export/page/planes.py).
 
 async function unpacked() {
   const text = atob(byId("data").textContent.trim());
@@ -16,14 +16,14 @@ async function unpacked() {
   const raw = new Uint8Array(await new Response(stream).arrayBuffer());
   const arrays = {};
   let at = 0;
-  for (const { name, kind, shape: [rows, columns, planes] } of meta.arrays) {
+  for (const { name, kind, shape: [rows, columns, planes], differences } of meta.arrays) {
     const size = { uint8: 1, uint16: 2, float32: 4 }[kind];
     const bytes = new Uint8Array(rows * columns * planes * size);
     for (let plane = 0; plane < planes; plane++)
       for (let k = 0; k < size; k++)
         for (let row = 0, to = plane * size + k; row < rows; row++)
           for (let column = 0, sum = 0; column < columns; column++, to += planes * size)
-            bytes[to] = sum = (sum + raw[at++]) & 255;
+            bytes[to] = sum = ((differences ? sum : 0) + raw[at++]) & 255;
     arrays[name] = size === 1 ? bytes : size === 2 ? new Uint16Array(bytes.buffer) : new Float32Array(bytes.buffer);
   }
   return arrays;
