@@ -12,9 +12,9 @@ import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.export.page.columns import columns_of
+from analysis.export.page.columns import Columns, columns_of
 from analysis.export.page.planes import pack
-from analysis.export.page.texels import albedo_angle_plane, height_plane, lists_of, normal_plane, sigma_plane
+from analysis.export.page.texels import Lists, albedo_angle_plane, height_plane, lists_of, normal_plane, sigma_plane
 from analysis.pixels.fits import PixelFits
 from analysis.registration.grid import Grid
 from analysis.results.result import DIFFUSE_REFERENCE_DEG, Result, diffuse_albedo
@@ -150,51 +150,21 @@ def _sampled(grid: Grid, resolution: int) -> _Sample:
 
 def _page(result: Result, sample: _Sample, title: str) -> tuple[PageFacts, str]:
     fits, grid = result.fits.select(sample.pixels), result.grid
-    solved = np.isfinite(fits.normals[:, 0])
     columns = columns_of(fits)
     lists = lists_of(fits, columns)
-    heights, low, high = height_plane(result.depth.ravel()[sample.pixels])
-    sigma, most_sigma = sigma_plane(fits)
-    of_pixels = {
-        "normals": normal_plane(fits.normals),
-        "heights": heights[:, None],
-        "facts": np.stack([np.where(solved, 255, 0).astype(np.uint8), sigma, albedo_angle_plane(fits)], axis=-1),
-        "counts": lists.count[:, None],
-    }
-    arrays: dict[str, NDArray[Any]] = {
-        name: plane.reshape(sample.height, sample.width, -1) for name, plane in of_pixels.items()
-    }
-    arrays |= {
-        "columns": lists.column[None, :, None],
-        "weights": _as_differences(lists.weight)[None],
-        "header": columns.header[None],
-        "parameters": columns.parameters[None],
-        "scales": lists.scale[None, :, None],
-        "nodes": columns.nodes[..., None],
-        "tables": columns.tables.reshape(-1, *columns.tables.shape[2:]),
-    }
-    index, data = pack(arrays)
-    facts = _facts(sample, columns.n_materials, lists.count, lists.column, solved)
-    extent = max(grid.width, grid.height) * grid.pitch
-    light = DISTANCE * extent * _LIGHT / np.linalg.norm(_LIGHT)
-    camera = np.array([0.0, 0.0, DISTANCE * extent])
-    first = grid.points_of(sample.pixels[:1])[0]
+    facts = _facts(sample, columns.n_materials, lists, np.isfinite(fits.normals[:, 0]))
+    maps, ranges = _maps(fits, result.depth.ravel()[sample.pixels], sample)
+    index, data = pack(maps | _lists(columns, lists))
     meta = {
         "title": title,
         "width": sample.width,
         "height": sample.height,
-        "spacing_mm": sample.step * grid.pitch,
-        "first_mm": first[:2].tolist(),
-        "extent_mm": extent,
-        "heights_mm": [low, high],
-        "most_sigma_deg": most_sigma,
-        "albedo_deg": DIFFUSE_REFERENCE_DEG,
-        "camera": camera.tolist(),
-        "light": light.tolist(),
-        "white": _white(result, sample, camera, light),
-        "white_albedo": _white_albedo(fits),
         "n_materials": columns.n_materials,
         "material_colours": mpl.colormaps["tab20"](np.arange(columns.n_materials) % 20)[:, :3].tolist(),
+        "albedo_deg": DIFFUSE_REFERENCE_DEG,
+        "white_albedo": _white_albedo(fits),
+        **ranges,
+        **_scene(result, sample),
         "arrays": index,
     }
     environment = jinja2.Environment(
@@ -213,21 +183,59 @@ def _page(result: Result, sample: _Sample, title: str) -> tuple[PageFacts, str]:
     return facts, page
 
 
+def _maps(fits: PixelFits, depth: Array, sample: _Sample) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Return what is known of each pixel, and what the ends of its ranges stand for."""
+    heights, low, high = height_plane(depth)
+    sigma, most_sigma = sigma_plane(fits)
+    solved = np.where(np.isfinite(fits.normals[:, 0]), 255, 0).astype(np.uint8)
+    planes: dict[str, NDArray[Any]] = {
+        "normals": normal_plane(fits.normals),
+        "heights": heights,
+        "facts": np.stack([solved, sigma, albedo_angle_plane(fits)], axis=-1),
+    }
+    maps = {name: plane.reshape(sample.height, sample.width, -1) for name, plane in planes.items()}
+    return maps, {"heights_mm": [low, high], "most_sigma_deg": most_sigma}
+
+
+def _lists(columns: Columns, lists: Lists) -> dict[str, NDArray[Any]]:
+    """Return the entries of the pixels and the reflectances that they name."""
+    return {
+        "counts": lists.count[None, :, None],
+        "columns": lists.column[None, :, None],
+        "weights": _as_differences(lists.weight)[None],
+        "header": columns.header[None],
+        "parameters": columns.parameters[None],
+        "scales": lists.scale[None, :, None],
+        "nodes": columns.nodes[..., None],
+        "tables": columns.tables.reshape(-1, *columns.tables.shape[2:]),
+    }
+
+
+def _scene(result: Result, sample: _Sample) -> dict[str, Any]:
+    """Return where the pixels are, and camera, light and exposure as they are at first."""
+    grid = result.grid
+    extent = max(grid.width, grid.height) * grid.pitch
+    light = DISTANCE * extent * _LIGHT / np.linalg.norm(_LIGHT)
+    camera = np.array([0.0, 0.0, DISTANCE * extent])
+    return {
+        "spacing_mm": sample.step * grid.pitch,
+        "first_mm": grid.points_of(sample.pixels[:1])[0, :2].tolist(),
+        "extent_mm": extent,
+        "camera": camera.tolist(),
+        "light": light.tolist(),
+        "white": _white(result, sample, camera, light),
+    }
+
+
 def _as_differences(weight: NDArray[np.float16]) -> NDArray[np.uint16]:
     """Return red's bits, and green's and blue's as differences to them, which are 0 for materials."""
     bits = weight.view(np.uint16)
     return np.stack([bits[:, 0], bits[:, 1] - bits[:, 0], bits[:, 2] - bits[:, 0]], axis=-1)
 
 
-def _facts(
-    sample: _Sample,
-    n_materials: int,
-    count: NDArray[np.uint8],
-    column: NDArray[np.uint16],
-    solved: NDArray[np.bool_],
-) -> PageFacts:
-    pixel = np.repeat(np.arange(len(count)), count)
-    own = np.bincount(pixel[column >= n_materials], minlength=len(count)) > 0
+def _facts(sample: _Sample, n_materials: int, lists: Lists, solved: NDArray[np.bool_]) -> PageFacts:
+    pixel = np.repeat(np.arange(len(solved)), lists.count)
+    own = np.bincount(pixel[lists.column >= n_materials], minlength=len(solved)) > 0
     of_palette = solved & ~own & (n_materials > 0)
     return PageFacts(
         width=sample.width,
