@@ -1,5 +1,6 @@
 from .export.export import export_result as export_result
 from .export.options import ExportOptions as ExportOptions
+from .export.page.page import write_relighting_page as write_relighting_page
 from .pipeline import Calibrated as Calibrated
 from .pipeline import calibrate as calibrate
 from .pipeline import check_calibration as check_calibration

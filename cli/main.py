@@ -28,6 +28,7 @@ COMMANDS = {
     "reconstruct": ("cli.reconstruction:reconstruct", "Session or stack to normals, depth and BRDF."),
     "render": ("cli.reconstruction:render", "Predict the picture from any camera and light."),
     "report": ("cli.reconstruction:report", "One HTML page of a result."),
+    "relight": ("cli.reconstruction:relight", "One HTML page in which the light moves over a result."),
     "point": ("cli.reconstruction:point", "Samples of one pixel against its fitted curve."),
     "export": ("cli.reconstruction:export", "A result as maps or a scene for renderers."),
     "dictionary": ("cli.dictionary:dictionary", "The BRDF dictionaries that are built in."),

@@ -1,4 +1,4 @@
-"""`halfangle reconstruct`, `render`, `export`, `report`, `point`: from sessions or stacks to maps, pictures, curves."""
+"""`halfangle reconstruct`, `render`, `export`, `report`, `relight`, `point`: from stacks to maps, pictures, pages."""
 
 from __future__ import annotations
 
@@ -136,6 +136,18 @@ def report(result: Path, output: Path, title: str | None) -> None:
 
     write_page(open_result(result), output, title or result.name)
     click.echo(str(output))
+
+
+@click.command(epilog="Example: halfangle relight area.result.h5 -o page.html")
+@click.argument("result", type=FILE)
+@click.option("-o", "--output", type=FILE, required=True, help="HTML page to write; needs nothing beside it.")
+@click.option("--resolution", type=click.IntRange(1, 4096), default=1024, show_default=True, help="Most pixels a side.")
+def relight(result: Path, output: Path, resolution: int) -> None:
+    """Make one HTML page of a RESULT in which the light can be moved."""
+    check_new(output)
+    from analysis.export.page.page import relight as write_page
+
+    click.echo(f"{output}\n{write_page(result, output, resolution)}")
 
 
 @click.command(epilog="Example: halfangle point area.result.h5 120 80 --json")

@@ -72,6 +72,16 @@ def test_render_writes_exr_and_png_too(folder: Path) -> None:
         assert file.channels()["RGB"].pixels.shape == (24, 24, 3)
 
 
+def test_relight_writes_a_page_and_says_how_pixels_are_shown(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("relight", folder / "area.result.h5", "-o", folder / "relit.html") == 0
+    told = capsys.readouterr().out
+    assert "24 x 24 pixels" in told
+    assert "palette" in told
+    assert "own atoms" in told
+    assert run("relight", folder / "area.result.h5", "-o", folder / "relit.html") == 2
+    assert "is not overwritten" in capsys.readouterr().err
+
+
 def test_the_report_is_one_page_that_needs_nothing_beside_it(folder: Path) -> None:
     assert run("report", folder / "area.result.h5", "-o", folder / "page.html") == 0
     page = (folder / "page.html").read_text()
