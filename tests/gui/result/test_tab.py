@@ -215,8 +215,8 @@ def test_picking_and_drawing_leave_the_window_alive(tab: ResultTab, qtbot: QtBot
         pick(tab, qtbot, i, i)
     watchdog.end()
     assert len(watchdog.delays) > 5
-    # 50 ms are wanted; a machine that does other things too takes longer.
-    assert watchdog.longest < 0.4
+    # 50 ms are wanted; a busy machine takes longer, and a hang takes for ever.
+    assert watchdog.longest < 2.0
 
 
 def test_what_is_no_result_says_why_and_leaves_what_is_shown(tab: ResultTab, tmp_path: Path, qtbot: QtBot):
