@@ -11,10 +11,9 @@ from typing import Any
 
 import exifread
 import OpenEXR
-import pillow_heif
 import rawpy
 
-from instrument.pictures.heif_file import HEIF_SUFFIXES
+from instrument.pictures.heif_file import HEIF_SUFFIXES, heif_exif
 from instrument.pictures.reading import is_raw
 
 # It reports files without EXIF as warnings; here that is no news.
@@ -57,7 +56,7 @@ def read_shot(path: Path) -> Shot:
 
 
 def _from_exif(path: Path) -> Shot:
-    with io.BytesIO(_heif_exif(path)) if path.suffix.lower() in HEIF_SUFFIXES else path.open("rb") as file:
+    with io.BytesIO(heif_exif(path)) if path.suffix.lower() in HEIF_SUFFIXES else path.open("rb") as file:
         tags = exifread.process_file(file, details=False)
     if not tags and is_raw(path):
         return _from_libraw(path)
@@ -72,12 +71,6 @@ def _from_exif(path: Path) -> Shot:
         serial_number=_text(tags, "EXIF BodySerialNumber", "Image CameraSerialNumber"),
         white_balance=_text(tags, "EXIF WhiteBalance"),
     )
-
-
-def _heif_exif(path: Path) -> bytes:
-    """Return the EXIF data of a `.heic` file, which are those of a TIFF file without a picture."""
-    data: bytes = pillow_heif.open_heif(path).info.get("exif") or b""
-    return data.removeprefix(b"Exif\0\0")
 
 
 def _from_libraw(path: Path) -> Shot:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +21,17 @@ _ORIENTATIONS = (1, 8, 3, 6)
 """EXIF's numbers of those quarters."""
 
 
+def heif_exif(path: Path) -> bytes:
+    """Return the EXIF data of a file, which are those of a TIFF file without a picture."""
+    data: bytes = _library().open_heif(path).info.get("exif") or b""
+    return data.removeprefix(b"Exif\0\0")
+
+
 def read_heif(path: Path) -> Picture:
     """Read the one picture of a file, of 8 bits a colour."""
-    try:
-        import pillow_heif
-    except ImportError:
-        raise UnreadablePictureError(
-            "is HEIF, which needs the extra halfangle[heif]; or save it as JPEG or PNG"
-        ) from None
-    content = path.read_bytes()
+    library, content = _library(), path.read_bytes()
     turn = _turn(content)
-    file = pillow_heif.open_heif(content, convert_hdr_to_8bit=False)
+    file = library.open_heif(content, convert_hdr_to_8bit=False)
     if len(file) > 1:
         raise UnreadablePictureError(f"holds {len(file)} pictures; save each in a file of its own")
     if (bits := file.info.get("bit_depth", 8)) != 8:
@@ -38,6 +39,14 @@ def read_heif(path: Path) -> Picture:
     pixels: NDArray[Any] = np.asarray(file[0])
     # The library turns pictures; those of one lens belong together as the sensor saw them.
     return Picture(without_alpha(np.rot90(pixels, -turn)), bayer_pattern="", orientation=_ORIENTATIONS[turn])
+
+
+def _library() -> Any:
+    try:
+        return import_module("pillow_heif")
+    except ImportError:
+        what = "is HEIF, which needs the extra halfangle[heif]; or save it as JPEG or PNG"
+        raise UnreadablePictureError(what) from None
 
 
 def _turn(content: bytes) -> int:
