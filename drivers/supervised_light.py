@@ -6,7 +6,6 @@ For a light that has no time limit itself: `drivers.light_supervisor` owns its p
 from __future__ import annotations
 
 import json
-import math
 import os
 import select
 import subprocess
@@ -21,11 +20,10 @@ from pydantic import TypeAdapter
 from drivers import errors
 from drivers.errors import DeviceError, DeviceLostError, DeviceTimeoutError
 from drivers.light import LightDescription, LightState
-from drivers.lights.led_light import MAY_SHINE
+from drivers.lights.led_light import DARK, MAY_SHINE
 
 # Seconds for an answer; opening a port may take longer.
 _ANSWER_LIMIT, _CONNECT_LIMIT = 4.0, 50.0
-_DARK = LightState(lit=False, level=0.0, monitor=math.nan, temperature=math.nan)
 _DESCRIPTION = TypeAdapter(LightDescription)
 
 
@@ -111,13 +109,13 @@ class SupervisedLight:
         """
         if self._process is None:
             self._refuse_if_unknown()
-            return _DARK
+            return DARK
         try:
             state = LightState(**self._ask("off"))
         except DeviceLostError:
             if self._may_shine:
                 raise
-            return _DARK
+            return DARK
         self._may_shine = state.lit
         return state
 

@@ -146,6 +146,8 @@ def _fitting(board: Board, legacy: bool, pool: Sequence[SeenMarkers]) -> Board |
     candidates = list(product(_boards_with(board, number), (legacy, not legacy)))
     clearest = [max(pool, key=lambda seen: len(seen.ids))]
     explains = [_n_explained(*candidate, clearest) for candidate in candidates]
+    if not any(explains):  # no board holds all numbers, as where one was misread, or none explains them
+        return None
     best = [c for c, n in zip(candidates, explains, strict=True) if n >= _FITS * max(explains)]
 
     def rank(candidate: tuple[Board, bool]) -> tuple[float, ...]:

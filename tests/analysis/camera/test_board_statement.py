@@ -84,6 +84,16 @@ def test_a_marker_misread_now_and_then_refutes_nothing() -> None:
     assert evidence.share > 0.9
 
 
+def test_numbers_that_no_board_has_are_fitted_by_none() -> None:
+    """43 markers to the dictionary's end: no board of 2 to 25 squares a side has as many."""
+    strange = [(replace(seen, ids=seen.ids[::-1] + 100 - 43 - seen.ids.min()),) for (seen,) in views()]
+    strange = [(replace(s, ids=np.where(np.arange(len(s.ids)) == 0, 99, s.ids)),) for (s,) in strange]
+    (evidence,) = marker_evidence((stated(first_id=57, squares=(7, 5)),), strange, frozenset())
+    assert evidence is not None
+    assert evidence.share < MOST
+    assert evidence.fits is None
+
+
 @pytest.mark.parametrize("legacy", [False, True])
 def test_the_pattern_is_told_by_the_markers_of_all_pictures(legacy: bool) -> None:
     assert old_patterns((PRINTED,), views(legacy)) == {0: legacy}
